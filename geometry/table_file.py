@@ -40,7 +40,7 @@ _ARMS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "inch": 0.0254, "ft": 0
 _FLUX_DENSITIES = {"T": 1.0, "mT": 1e-3, "G": 1e-4, "kG": 0.1, "Vs/m2": 1.0, "Wb/m2": 1.0, "tesla": 1.0, "Tesla": 1.0,
                    "gauss": 1e-4, "Gauss": 1e-4, "kGauss": 0.1, "kilogauss": 0.1}  # fmt: skip
 _OERSTED = 1e3 / (4.0 * math.pi)
-_FIELD_STRENGTHS = {"A/m": 1.0, "kA/m": 1e3, "MA/m": 1e6, "A/cm": 1e2, "Oe": _OERSTED, "kOe": 1e3 * _OERSTED,
+_FIELD_STRENGTHS = {"A/m": 1.0, "kA/m": 1e3, "Oe": _OERSTED, "kOe": 1e3 * _OERSTED, "A/cm": 1e2, "MA/m": 1e6,
                     **dict.fromkeys(("Apermeter", "Ampermeter", "Amp/m", "Amps/m", "Amp/meter", "AT/m"), 1.0),
                     "kApermeter": 1e3, "oersted": _OERSTED, "Oersted": _OERSTED}  # fmt: skip
 UNITS: tuple[dict[str, float], ...] = (
@@ -169,7 +169,10 @@ def read_table(
         if not unit and units and is_error(name) and is_unit_of(units[-1], goal):
             unit = units[-1]
         if goal and not unit:
-            raise FileFault(path, f"line {line}: the column '{name}' has no unit; write {name} [{goal}]")
+            some = ", ".join(f"{name} [{one}]" for one in [*_factors(goal)][:3])
+            raise FileFault(
+                path, f"line {line}: the column '{name}' has no unit; write the unit of your numbers, e.g. {some}"
+            )
         if not is_unit_of(unit, goal):
             known, meant = list(_factors(goal)), units_meant(unit, goal) or units_meant(unit.replace("/", ""), goal)
             hint = f"did you mean {' or '.join(meant)}? " if meant else ""

@@ -118,11 +118,11 @@ def materials(
         from emclutch.cli import materials as materials_command
 
         if picture is not None:
-            refuse_beside("--plot", {"--json": as_json, "--at": at is not None})
+            refuse_beside("--plot", {"--json": as_json})
             with bad_input_for(picture):
                 laws = materials_command.laws_of(names or materials_command.material_names())
                 typer.echo(str(materials_command.draw_materials(laws, picture)))
-        else:
+        if picture is None or at is not None:
             show(materials_command.materials_report(names, at), as_json)
 
 

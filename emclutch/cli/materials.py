@@ -14,6 +14,7 @@ from emclutch.results.new_path import new_path
 from emclutch.results.pictures.figure import new_figure, save_picture
 from emclutch.results.report.report import Mark, Report, Shown, Statement, Statements, Table, note
 from emclutch.scene.errors import Fault, SceneError, shown
+from emclutch.scene.materials import ENDINGS
 from emclutch.scene.units import CurveFieldStrength, FluxDensity, quantity_of
 from emclutch.scene.value_list import read_all
 from field.laws.coercivity import coercivity, misfit_of_curve
@@ -32,7 +33,7 @@ from field.laws.materials import (
 from field.laws.pinning import Pinning
 from field.laws.reluctivity import MU_0, Law, LinearLaw
 from field.laws.table_end import TableEnd
-from geometry.table_file import is_unit_of
+from geometry.table_file import is_unit_of, units_meant
 
 _KINDS = {
     "LinearLaw": "linear",
@@ -43,7 +44,6 @@ _KINDS = {
     "BrauerLaw": "Brauer",
     "MajorLoopLaw": "loop",
 }
-_TABLES = (".csv", ".txt", ".tsv", ".tab", ".dat")  # also of a file that is missing
 # Every law that ships has the slope of vacuum here; J_s is read off at this flux density [T].
 _SATURATED_B = 20.0
 # of the list and the curves: 0.1 A/m, a hundredth of what soft iron needs, to 10 MA/m
@@ -133,7 +133,7 @@ def laws_of(names: list[str]) -> list[Law]:
     laws, faults = [], []
     for name in names:
         try:
-            is_file = canonical_name(name) is None and (Path(name).suffix.lower() in _TABLES or Path(name).is_file())
+            is_file = canonical_name(name) is None and (Path(name).suffix.lower() in ENDINGS or Path(name).is_file())
             laws.append(file_law(name) if is_file else material(name))
         except TableFault as fault:
             faults.append(Fault(name, "", fault.reason))
@@ -150,12 +150,14 @@ def points_of(laws: list[Law], places: str) -> list[dict[str, Any]]:
     `beyond_table` where a measured curve has ended. SceneError for a place that cannot be read.
     """
     points: list[dict[str, Any]] = []
-    for text in places.split(","):
-        unit = re.sub(r"^[\s+-]*[\d.]*(e[+-]?\d+)?\s*", "", text.strip(), flags=re.I)
+    for text in map(str.strip, places.split(",")):
+        unit = re.sub(r"^[\s+-]*[\d.]*(e[+-]?\d+)?\s*", "", text, flags=re.I)
         if not unit:
             message = "has no unit; write a field strength (A/m, kA/m, A/cm, Oe, kOe) or a flux density (T, mT, G, kG)"
-            raise SceneError([Fault("--at", shown(text.strip()), message)], "command line")
+            raise SceneError([Fault("--at", shown(text), message)], "command line")
         is_B = is_unit_of(unit, "T")
+        goal = "T" if is_B else "A/m"
+        text = text.removesuffix(unit) + units_meant(unit, goal)[0] if is_unit_of(unit, goal) else text
         (value,) = read_all([text], quantity_of(FluxDensity if is_B else CurveFieldStrength), "--at")
         for law in laws:
             B = value if is_B else _flux_density(law, value)
@@ -235,18 +237,22 @@ def draw_materials(laws: list[Law], path: str | Path) -> Path:
     """Draw B(H) on a linear and a logarithmic axis and mu_r(B) of some laws into a new picture (.png, .svg, .pdf).
 
     Materials of mu_r = 1 share one thin grey line. Measured points are marked: between them a table is an
-    interpolation. OutputError where there is a file already, or its ending names no picture.
+    interpolation, beyond the last one the extrapolation is dashed. OutputError where there is a file already, or its
+    ending names no picture.
     """
     path = new_path(Path(path), "--plot")
     figure, (plain, logarithmic, permeability) = new_figure(13.5, 4.6, None, columns=3)
     B = _CURVE_B[_CURVE_B >= 1e-4]
     as_vacuum = [law.name for law in laws if isinstance(law, LinearLaw) and law.mu_r == 1.0]
     for number, law in enumerate(law for law in laws if law.name not in as_vacuum[1:]):
-        style = {"color": f"C{number % 10}", "lw": 1.6, "ls": "-" if number < 10 else "--", "label": law.name}
+        style = {"color": f"C{number % 10}", "lw": 1.6, "ls": "-" if number < 10 else "-.", "label": law.name}
         if law.name in as_vacuum:
             style |= {"color": "0.5", "lw": 1.0, "ls": ":", "label": ", ".join(as_vacuum)}
         curves = [(law.H_of_B(B)[0], B, style)]
-        if hasattr(law, "H") and hasattr(law, "B"):
+        if isinstance(law, TableLaw | MajorLoopLaw):
+            table, beyond = B[law.B.max() >= B], B[law.B.max() <= B]
+            dashed = style | {"ls": "--", "lw": 1.0, "label": None}
+            curves = [(law.H_of_B(table)[0], table, style), (law.H_of_B(beyond)[0], beyond, dashed)]
             points = {"color": style["color"], "ls": "none", "marker": ".", "ms": 4}
             curves.append((law.H[law.B > 0.0], law.B[law.B > 0.0], points))
         for H, of_H, drawn in curves:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 class ClutchMaterials(Section):
-    """[geometry.materials]: a material's name for each region; built in or from [materials.NAME]."""
+    """[geometry.materials]: material of each region, e.g. rotor = "steel_1010", built in or from [materials.NAME]."""
 
     housing: str = "steel_1010"
     rotor: str = "steel_1010"

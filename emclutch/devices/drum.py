@@ -8,7 +8,7 @@ from emclutch.devices.clutch import ClutchGeometry, ClutchMaterials
 
 
 class DrumMaterials(ClutchMaterials):
-    """As in the clutch, with covers that carry no flux: it crosses the rim gap twice instead."""
+    """As in the clutch, e.g. rotor = "steel_1010", but covers carry no flux: it crosses the rim gap twice instead."""
 
     cover: str = "aluminium"
 

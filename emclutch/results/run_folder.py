@@ -177,7 +177,8 @@ class RunFolder:
 
     def is_begun(self) -> bool:
         """True if there is a run that can be resumed, without losing anything if it has no checkpoint."""
-        nothing_yet = self.case.is_file() and not self.summary.is_file() and whole_rows(self.history) <= 1
+        done = any((self.path / f"{name}.json").is_file() for name in ("summary", "field", "transient", "map"))
+        nothing_yet = self.case.is_file() and not done and whole_rows(self.history) <= 1
         return self.checkpoint.is_file() or nothing_yet
 
     def set_aside(self) -> Path:

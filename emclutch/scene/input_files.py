@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from emclutch.scene.materials import CURVE_FILES
 from emclutch.scene.model import Scene
 from emclutch.scene.sizes import DiametersOfFile
 
@@ -26,6 +27,14 @@ def input_files(scene: Scene) -> dict[str, Path]:
     return dict(sorted(files.items()))
 
 
+def materials_in_words(scene: Scene, data: Mapping[str, Any]) -> dict[str, str]:
+    """Material of each region of [geometry.materials], with the file of its curve; `data` as of `paths_elsewhere`."""
+    own = data.get("materials", {})
+    files = {name: entry[key] for name, entry in own.items() for key in CURVE_FILES if key in entry}
+    materials = dict(getattr(scene.geometry, "materials", {}))
+    return {region: f"{name} ({files[name]})" if name in files else name for region, name in materials.items()}
+
+
 def paths_elsewhere(scene: Scene, data: Mapping[str, Any], folder: Path) -> dict[str, Path]:
     """Paths that lead out of the scene's folder, links followed, by the keys that name them: read, or written to.
 
@@ -36,7 +45,7 @@ def paths_elsewhere(scene: Scene, data: Mapping[str, Any], folder: Path) -> dict
     if scene.particles is not None and scene.particles.powder_law is not None:  # of expected torques, not of a run
         named["particles.powder_law"] = Path(scene.particles.powder_law)
     for name, entry in data.get("materials", {}).items():
-        named |= {f"materials.{name}.{key}": folder / str(entry[key]) for key in ("table", "file") if key in entry}
+        named |= {f"materials.{name}.{key}": folder / str(entry[key]) for key in CURVE_FILES if key in entry}
     home = folder.resolve()
     found = {key: path.resolve() for key, path in named.items() if not path.resolve().is_relative_to(home)}
     if scene.output.folder is not None and not Path(scene.output.folder).resolve().is_relative_to(Path.cwd().resolve()):

@@ -146,16 +146,18 @@ class LoopMaterial(_OwnMaterial):
         return self
 
 
-_TABLES = (".csv", ".txt", ".tab", ".dat", ".bh")
+CURVE_FILES = ("table", "file", "loop")
+"""Keys that name the file of a curve."""
+ENDINGS = (".csv", ".txt", ".tsv", ".tab", ".dat", ".bh")
 
 
 def _with_columns(given: Any, info: ValidationInfo) -> Any:
     """Put a file's columns in place of its name, so that a resolved scene stands alone."""
     if not isinstance(given, dict):
         return given
-    keys = [key for key in ("table", "file", "loop") if key in given]
+    keys = [key for key in CURVE_FILES if key in given]
     if not keys:
-        files = [key for key, one in given.items() if isinstance(one, str) and Path(one).suffix.lower() in _TABLES]
+        files = [key for key, one in given.items() if isinstance(one, str) and Path(one).suffix.lower() in ENDINGS]
         if files and "law" not in given:
             raise refuse(f"is not a known key; write table = '{given[files[0]]}'", key=files[0])
         return given

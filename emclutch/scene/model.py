@@ -56,7 +56,7 @@ class Scene(Section):
 
     scene: HeaderSection
     geometry: Geometry
-    materials: dict[_Name, Material] = Field(default={}, description="own materials by name")
+    materials: dict[_Name, Material] = Field(default={}, description='own materials by name, e.g. table = "file.csv"')
     surfaces: dict[_Name, SurfaceSection] = Field(
         default={}, description="surfaces from files that grains touch as well"
     )

@@ -136,9 +136,7 @@ class _PartialStudySection(StudySection):
     values: Annotated[dict[str, Any], BeforeValidator(flat_keys)] = {}
 
 
-def read_study(
-    path: str | Path, *, trust_scripts: bool = False, numbers: Sequence[int] | None = None
-) -> StudySection:
+def read_study(path: str | Path, *, trust_scripts: bool = False, numbers: Sequence[int] | None = None) -> StudySection:
     """Read a study file and check every point of it; `trust_scripts` as in `emclutch.scene.case.load_case`.
 
     With `numbers`, from 0, only these points are checked.

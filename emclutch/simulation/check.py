@@ -24,7 +24,7 @@ from emclutch.scene.usual_ranges import FLUX_DENSITY
 from emclutch.simulation.discretisation_error import accuracy_in_words, has_accuracy_study
 from emclutch.simulation.forecast.expected_field import (
     field_of_sheared_powder,
-    mean_field_strength,
+    limits_of,
     powder_in_words,
     sheared_in_words,
 )
@@ -107,7 +107,8 @@ class Checked(Reported):
 
     def _data(self) -> dict[str, Any]:
         return {
-            "title": self.title, "effects": self.effects, "warnings": self.warnings, "plan": self.decisions,
+            "title": self.title, "effects": self.effects, "plan": self.decisions,
+            "warnings": [*self.warnings, *warnings_of(self.decisions).get("field", ())],
             "plan_warnings": warnings_of(self.decisions),
             "omitted_effects": [line.as_dict() for line in self.omitted_effects], **self.expected.as_dict(),
         }  # fmt: skip
@@ -168,7 +169,7 @@ def _check(case: Case, threads: int | None) -> Checked:
     if doubtful := [text for text in (FLUX_DENSITY.remark("|B|", B_max), *beyond) if text]:
         words["field"] = Decision(words["field"], *doubtful)
     if device.coil is not None:
-        words |= steel_row(scene, device.coil)
+        words |= steel_row(case, device.coil)
         words["copper"] = coil_heat_in_words(scene, device.coil, device.coil.shape)
     compared = methods_compared(scene)
     if compared:
@@ -189,8 +190,7 @@ def _check(case: Case, threads: int | None) -> Checked:
     if scene.geometry.measured == "torque" and scene.geometry.has_axis:
         words["accuracy"] = accuracy_in_words(case, made)
     words |= paths_in_words(case)
-    strength = mean_field_strength(device, made.peak_field)
-    warnings = (*case.warnings, *(text for one in scene.effects.present for text in one.limits(scene, strength)))
+    warnings = case.warnings + limits_of(scene, device, made.peak_field)
     title, effects, missing = scene.scene.title, scene.effects.active, omitted_effects(scene, device, made, expected)
     return Checked(title, effects, warnings, words, tuple(missing), expected)
 

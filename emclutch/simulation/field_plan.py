@@ -13,7 +13,7 @@ from emclutch.device_model.device import CoilDevice, solved_coil
 from emclutch.device_model.device_3d import CoilDevice3D
 from emclutch.device_model.materials import hysteresis_of, region_materials
 from emclutch.scene.case import Case
-from emclutch.scene.model import Scene
+from emclutch.scene.input_files import materials_in_words
 from emclutch.simulation.plan_in_words import paths_in_words
 from field import MagneticField
 from field.laws.table_end import driven_beyond_their_tables
@@ -31,7 +31,7 @@ def field_plan(case: Case) -> dict[str, str]:
         "mesh": coil.mesh_in_words(),
         "copper": coil_heat_in_words(scene, coil, coil.shape),
     }
-    words |= steel_row(scene, coil)
+    words |= steel_row(case, coil)
     if coil.largest_current > 0.0 and isinstance(coil, CoilDevice):
         solution = coil.solve_at_peak(None)
         words["field"] = Decision(_field_in_words(coil, solution), *driven_beyond_their_tables([solution]))
@@ -41,10 +41,11 @@ def field_plan(case: Case) -> dict[str, str]:
     return words | paths_in_words(case)
 
 
-def steel_row(scene: Scene, coil: CoilDevice | CoilDevice3D) -> dict[str, str]:
-    """Row of the plan: coercivity and remanence of the steels; none without hysteresis."""
-    steels, warnings = hysteresis_of(scene, region_materials(scene, coil.mesh).values())
-    return {"steel": Decision(steels, *warnings)} if steels else {}
+def steel_row(case: Case, coil: CoilDevice | CoilDevice3D) -> dict[str, str]:
+    """Rows of the plan: materials of the regions, and with hysteresis coercivity and remanence of the steels."""
+    steels, warnings = hysteresis_of(case.scene, region_materials(case.scene, coil.mesh).values())
+    materials = ", ".join(f"{region}: {name}" for region, name in materials_in_words(case.scene, case.data).items())
+    return {"materials": materials} | ({"steel": Decision(steels, *warnings)} if steels else {})
 
 
 def ampere_turns_row(coil: CoilDevice, solution: MagneticField) -> dict[str, str]:

@@ -100,7 +100,7 @@ class FinishedRun:
     def beyond_tables(self) -> list[str]:
         """Warnings of steel that is driven beyond its table."""
         solved = [one for one in (self.plan.peak_field, self.source.solution) if one is not None]
-        return driven_beyond_their_tables(solved)
+        return [*driven_beyond_their_tables(solved)]
 
     @cached_property
     def ramp(self) -> dict[str, Any] | None:

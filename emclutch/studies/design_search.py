@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any
 
 from scipy.optimize import brentq
 
-from emclutch.device_model.coil_heat import winding_in_words
+from emclutch.device_model.coil_heat import coil_heat_in_words, winding_in_words
 from emclutch.device_model.device import Device, build_device
 from emclutch.results import OutputError, Result, load_result
 from emclutch.results.atomic_file import replace_json, replace_text
@@ -42,7 +42,7 @@ from emclutch.scene.map_axes import sheared_gap_hint
 from emclutch.scene.model import Scene
 from emclutch.scene.units import Quantity, in_unit_of
 from emclutch.scene.value_list import values_of
-from emclutch.simulation.forecast.expected_field import expected_magnetisation
+from emclutch.simulation.forecast.expected_field import expected_magnetisation, limits_of
 from emclutch.simulation.forecast.expected_torque import ExpectedTorque, expected_torque
 from field import MagneticField
 from field.laws.table_end import driven_beyond_their_tables
@@ -99,7 +99,10 @@ def expectation_of(case: Case, device: Device | None = None, unknown_powder: boo
         device = device or build_device(case.scene)
         solved, _ = expected_magnetisation(case, device)
         beyond = driven_beyond_their_tables([] if solved is None else [solved])
-        return replace(expected_torque(case.scene, device, solved, unknown_powder), beyond_tables=tuple(beyond))
+        heat = "" if device.coil is None else coil_heat_in_words(case.scene, device.coil, device.coil.shape)
+        warnings = limits_of(case.scene, device, solved) + getattr(heat, "warnings", ())
+        found = expected_torque(case.scene, device, solved, unknown_powder)
+        return replace(found, warnings=warnings, beyond_tables=beyond)
 
 
 @dataclass(frozen=True, slots=True)

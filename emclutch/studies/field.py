@@ -7,7 +7,6 @@ sheared powder are given as well at the last current (`emclutch.simulation.forec
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
@@ -15,7 +14,7 @@ from time import perf_counter
 import numpy as np
 import pandas
 
-from emclutch.device_model.body_forces import MOVABLE, forces_on, movable_bodies, stress_force
+from emclutch.device_model.body_forces import forces_on, movable_bodies, stress_force
 from emclutch.device_model.device import CoilDevice, field_goals, field_is_needed, solved_coil
 from emclutch.device_model.device_3d import CoilDevice3D
 from emclutch.device_model.materials import grain_law, hysteresis_of, region_laws, region_materials
@@ -26,11 +25,18 @@ from emclutch.results.vtk.field_arrays import field_arrays
 from emclutch.results.vtk.flux_lines import flux_lines
 from emclutch.results.vtk.series import PvdSeries
 from emclutch.scene.case import Case
-from emclutch.scene.fill import fill_of
 from emclutch.scene.grain_smear import moments_are_fed_back
 from emclutch.scene.model import Scene
 from emclutch.simulation.forecast.expected_field import field_of_sheared_powder, powder_in_words
-from emclutch.studies.field_3d import field_study_3d
+from emclutch.studies.field_3d import (
+    UNITS,
+    even_powder,
+    field_study_3d,
+    line_table,
+    resistance_of,
+    row_of,
+    write_summary,
+)
 from field import ConvergenceError, MagneticField, PowderLaw
 from field.coil.inductance import apparent_inductance, incremental_inductance
 from field.coil.magnetic_circuit import FilledPowder
@@ -42,25 +48,6 @@ from field.section.error_estimate import estimate_error
 from field.section.field_lines import field_along, straight_line
 from field.section.maxwell_force import lorentz_force
 from field.section.smooth_field import SmoothField
-
-UNITS = {
-    "current": "A",
-    "ampere_turns": "A",
-    "gap_flux_density": "T",
-    "flux_linkage": "Wb",
-    "circuit_flux_linkage": "Wb",
-    "apparent_inductance": "H",
-    "incremental_inductance": "H",
-    "energy": "J",
-    "coenergy": "J",
-    "hysteresis_loss": "J",
-    **{f"axial_force_{body}": "N" for body in MOVABLE},
-    "copper_loss": "W",
-    "newton_steps": "-",
-    "residual": "-",
-    "seconds": "s",
-}
-"""Columns of field.csv and their units."""
 
 DETAIL_UNITS = {
     "resistance": "ohm",
@@ -81,26 +68,11 @@ def field_study(
     lines: Sequence[tuple[float, ...]] = (),
     out: str | Path | None = None,
 ) -> Path:
-    """Solve the scene's field and write what it gives into a new folder.
+    """Solve the scene's field at currents [A] and write it into a new folder, which is returned (`field_result.field`).
 
-    Parameters
-    ----------
-    case : Case
-        A clutch (or a section from CAD) with a coil, with grains or without.
-    currents : sequence of float or None
-        [A]; None: the largest current of the scene. With [effects.hysteresis] their order is that of time, from
-        demagnetised steel on.
-    lines : sequence of (r0, z0, r1, z1)
-        Straight lines [m] along which B and H are written, at the last current; of a field in 3D also
-        (x0, y0, z0, x1, y1, z1).
-    out : str, Path or None
-        New folder; None: the next runs/<case>-field-<nnn>.
-
-    Returns
-    -------
-    Path
-        The folder, with field.csv (a row a current), field.json, field.pvd, section.png, saturation.png (a sweep),
-        line-<n>.csv and .png.
+    With [effects.hysteresis] the order of the currents is that of time, from demagnetised steel on. The folder has
+    field.csv (a row a current), field.json, case.toml, field.pvd, section.png, saturation.png (a sweep), and of lines
+    (r0, z0, r1, z1) [m], of a field in 3D also (x0, y0, z0, x1, y1, z1), line-<n>.csv and .png at the last current.
 
     Raises
     ------
@@ -108,8 +80,6 @@ def field_study(
         A scene without a coil's field, a line outside the mesh.
     ConvergenceError
         A current that does not converge; what was solved before is written.
-    OutputError
-        The folder is there already.
     """
     scene = case.scene
     coil = coil_of_field(scene)
@@ -133,7 +103,7 @@ def field_study(
     folder.mkdir(parents=True)
     series, lines_of_flux = PvdSeries(folder, "field"), PvdSeries(folder, "flux_lines")
     growing = bool(np.all(np.diff(currents) > 0.0))  # then ParaView's time is the current
-    rows: list[dict[str, float]] = []
+    rows: list[dict[str, float | None]] = []
     strongest: MagneticField | None = None
     solution: MagneticField | None = None
     failure: ConvergenceError | None = None
@@ -148,7 +118,7 @@ def field_study(
             break
         if strongest is None or abs(solution.ampere_turns) > abs(strongest.ampere_turns):
             strongest = solution
-        rows.append(_row(case, coil, solution, current, phi, perf_counter() - began))
+        rows.append(_row(case, coil, solution, current, phi, began))
         moment = current if growing else float(number)
         lines_of_flux.write_flux_lines(moment, *flux_lines(solution))
         series.write_field(moment, field_arrays(solution))
@@ -160,27 +130,14 @@ def field_study(
     assert solution is not None and strongest is not None
     title = scene.scene.title
     at = f"{title}, {rows[-1]['current']:g} A"
-    section_picture(
-        folder / "section.png",
-        SmoothField(solution.problem.elements, solution.psi),
-        filled=coil.powder_boxes,
-        title=at,
-    )
+    smooth = SmoothField(solution.problem.elements, solution.psi)
+    section_picture(folder / "section.png", smooth, filled=coil.powder_boxes, title=at)
     if len(table) > 2:
         saturation_picture(folder / "saturation.png", table, title=title)
     for number, line in enumerate(lines, start=1):
         along = field_along(solution, straight_line(line[:2], line[2:]))
-        columns = {
-            "distance": along.distance,
-            "r": along.points[:, 0],
-            "z": along.points[:, 1],
-            "B_r": along.B[:, 0],
-            "B_z": along.B[:, 1],
-            "H_r": along.H[:, 0],
-            "H_z": along.H[:, 1],
-            "region": along.region,
-        }
-        pandas.DataFrame(columns).to_csv(folder / f"line-{number}.csv", index=False)
+        table_of_line = line_table(along.distance, along.points, along.B, along.H, along.region)
+        table_of_line.to_csv(folder / f"line-{number}.csv", index=False)
         r0, z0, r1, z1 = (1e3 * x for x in line)
         where = f"from (r, z) = ({r0:g}, {z0:g}) to ({r1:g}, {z1:g}) mm"
         line_picture(folder / f"line-{number}.png", along, title=f"{at}, {where}")
@@ -191,7 +148,7 @@ def field_study(
         "warnings": [*case.warnings, *driven_beyond_their_tables([strongest])]
         + hysteresis_of(scene, region_materials(scene, coil.mesh).values())[1],
     }
-    (folder / "field.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    write_summary(folder / "field.json", case, summary)
     return folder
 
 
@@ -205,34 +162,12 @@ def coil_of_field(scene: Scene) -> CoilDevice | CoilDevice3D:
     return solved_coil(scene)
 
 
-def even_powder(scene: Scene, coil: CoilDevice) -> tuple[float | None, np.ndarray | None]:
-    """Solid fraction of the scene's powder spread evenly, and its fill (n powder elements,) where it feeds back."""
-    if scene.particles is None:
-        return None, None
-    phi = fill_of(coil.shape, scene.particles, scene.scene.seed).solid_fraction
-    return phi, None if scene.effects.feedback is None else coil.uniform_fill(phi)
-
-
 def _row(
-    case: Case,
-    coil: CoilDevice,
-    solution: MagneticField,
-    current: float,
-    phi: float | None,
-    seconds: float,
-) -> dict[str, float]:
-    row = {
-        "current": current,
-        "ampere_turns": solution.ampere_turns,
-        "flux_linkage": coil.turns * solution.flux_linkage_per_turn,
-        "apparent_inductance": apparent_inductance(solution, coil.turns),
-        "incremental_inductance": incremental_inductance(solution, coil.turns),
-        "energy": solution.energy,
-        "copper_loss": _resistance(case, coil) * current**2,
-        "newton_steps": len(solution.newton) - 1,
-        "residual": solution.newton[-1][0],
-        "seconds": seconds,
-    }
+    case: Case, coil: CoilDevice, solution: MagneticField, current: float, phi: float | None, began: float
+) -> dict[str, float | None]:
+    row = row_of(case.scene, coil, solution, current, began)
+    row["apparent_inductance"] = apparent_inductance(solution, coil.turns)
+    row["incremental_inductance"] = incremental_inductance(solution, coil.turns)
     if solution.history is None:
         row["coenergy"] = solution.coenergy
     else:
@@ -246,12 +181,6 @@ def _row(
         circuit = case.scene.geometry.magnetic_circuit(coil.shape, laws, powder).solve(solution.ampere_turns)
         row["circuit_flux_linkage"] = coil.turns * circuit.linkage_per_turn
     return {name: row[name] for name in UNITS if name in row}
-
-
-def _resistance(case: Case, coil: CoilDevice) -> float:
-    """Of the coil [ohm]: the scene's own, or that of its turns in copper."""
-    assert case.scene.coil is not None
-    return case.scene.coil.resistance_in(coil.shape.coil_area, coil.shape.coil_mean_radius)
 
 
 def at_the_faces(case: Case, coil: CoilDevice) -> bool:
@@ -270,7 +199,7 @@ def _details(case: Case, coil: CoilDevice, solution: MagneticField, phi: float |
         "solver": describe_backend(solution.problem.factorisation_backend),
         "newton_residuals": [residual for residual, _ in solution.newton],
         "turns": coil.turns,
-        "resistance": _resistance(case, coil),
+        "resistance": resistance_of(case.scene, coil),
         "wire_diameter": coil.winding.wire_diameter,
         "copper_mass": coil.winding.copper_mass,
         "largest_flux_density": float(np.linalg.norm(solution.flux_density(), axis=1).max()),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
@@ -10,14 +9,20 @@ from time import perf_counter
 import numpy as np
 import pandas
 
+from emclutch.device_model.body_forces import MOVABLE
+from emclutch.device_model.device import CoilDevice
 from emclutch.device_model.device_3d import CoilDevice3D, gap_map
+from emclutch.results.atomic_file import replace_json
 from emclutch.results.new_path import new_folder
 from emclutch.results.pictures.field import gap_map_picture
 from emclutch.results.vtk.field_arrays import field_arrays_3d
 from emclutch.results.vtk.series import PvdSeries
 from emclutch.scene.case import Case
 from emclutch.scene.fill import fill_of
+from emclutch.scene.input_files import materials_in_words
+from emclutch.scene.model import Scene
 from emclutch.simulation.forecast.expected_field import powder_in_words
+from field import MagneticField
 from field.laws.table_end import driven_beyond_their_tables
 from field.three_d import Field3D
 
@@ -26,14 +31,63 @@ UNITS = {
     "ampere_turns": "A",
     "gap_flux_density": "T",
     "flux_linkage": "Wb",
+    "circuit_flux_linkage": "Wb",
     "apparent_inductance": "H",
+    "incremental_inductance": "H",
     "energy": "J",
     "coenergy": "J",
+    "hysteresis_loss": "J",
+    **{f"axial_force_{body}": "N" for body in MOVABLE},
     "copper_loss": "W",
     "newton_steps": "-",
     "residual": "-",
     "seconds": "s",
 }
+"""Columns of field.csv and their units."""
+
+
+def resistance_of(scene: Scene, coil: CoilDevice | CoilDevice3D) -> float:
+    """Of the coil [ohm]: the scene's own, or that of its turns in copper."""
+    assert scene.coil is not None
+    return scene.coil.resistance_in(coil.shape.coil_area, coil.shape.coil_mean_radius)
+
+
+def even_powder(scene: Scene, coil: CoilDevice | CoilDevice3D) -> tuple[float | None, np.ndarray | None]:
+    """Solid fraction of the scene's powder spread evenly, and its fill (n powder elements,) where it feeds back."""
+    if scene.particles is None:
+        return None, None
+    phi = fill_of(coil.shape, scene.particles, scene.scene.seed).solid_fraction
+    return phi, None if scene.effects.feedback is None else coil.uniform_fill(phi)
+
+
+def row_of(
+    scene: Scene, coil: CoilDevice | CoilDevice3D, solution: MagneticField | Field3D, current: float, began: float
+) -> dict[str, float | None]:
+    """Return what every field has in a row of field.csv; `began`: the clock [s] before it was solved."""
+    return {
+        "current": current,
+        "ampere_turns": solution.ampere_turns,
+        "flux_linkage": coil.turns * solution.flux_linkage_per_turn,
+        "energy": solution.energy,
+        "copper_loss": resistance_of(scene, coil) * current**2,
+        "newton_steps": len(solution.newton) - 1,
+        "residual": solution.newton[-1][0],
+        "seconds": perf_counter() - began,
+    }
+
+
+def write_summary(path: Path, case: Case, summary: dict) -> None:
+    """Write a summary with the materials of the regions, and beside it case.toml, the scene as resolved."""
+    replace_json(path, summary | {"materials": materials_in_words(case.scene, case.data)})
+    case.write_toml(path.with_name("case.toml"))
+
+
+def line_table(distance: np.ndarray, points: np.ndarray, B: np.ndarray, H: np.ndarray, region) -> pandas.DataFrame:
+    """Return the columns of line-<n>.csv, of points (k, 2) in r, z or (k, 3) in x, y, z."""
+    columns = {"distance": distance}
+    for name, vector in (("", points), ("B_", B), ("H_", H)):
+        columns |= {f"{name}{axis}": vector[:, k] for k, axis in enumerate("rz" if points.shape[1] == 2 else "xyz")}
+    return pandas.DataFrame(columns | {"region": region})
 
 
 def field_study_3d(
@@ -56,13 +110,8 @@ def field_study_3d(
             )
     folder = new_folder(out, f"{case.name}-field")
     folder.mkdir(parents=True)
-    assert case.scene.coil is not None
-    resistance = case.scene.coil.resistance_in(device.shape.coil_area, device.shape.coil_mean_radius)
     series, rows = PvdSeries(folder, "field"), []
-    scene, phi, fill = case.scene, None, None
-    if scene.particles is not None:
-        phi = fill_of(device.shape, scene.particles).solid_fraction
-        fill = device.uniform_fill(phi) if scene.effects.feedback is not None else None
+    scene, (phi, fill) = case.scene, even_powder(case.scene, device)
     solution: Field3D | None = None
     strongest: Field3D | None = None
     for number, current in enumerate([device.largest_current] if currents is None else currents):
@@ -71,22 +120,10 @@ def field_study_3d(
         solution = device.problem.solve(device.turns * current, fill, guess, tolerance=device.newton_tolerance)
         if strongest is None or abs(solution.ampere_turns) > abs(strongest.ampere_turns):
             strongest = solution
-        linkage = device.turns * solution.flux_linkage_per_turn
-        rows.append(
-            {
-                "current": current,
-                "ampere_turns": solution.ampere_turns,
-                "gap_flux_density": device.gap_flux_density(solution),
-                "flux_linkage": linkage,
-                "apparent_inductance": linkage / current if current != 0.0 else None,
-                "energy": solution.energy,
-                "coenergy": solution.coenergy,
-                "copper_loss": resistance * current**2,
-                "newton_steps": len(solution.newton) - 1,
-                "residual": solution.newton[-1][0],
-                "seconds": perf_counter() - began,
-            }
-        )
+        row = row_of(scene, device, solution, current, began)
+        row["apparent_inductance"] = device.turns * solution.flux_linkage_per_turn / current if current else None
+        row |= {"gap_flux_density": device.gap_flux_density(solution), "coenergy": solution.coenergy}
+        rows.append({name: row[name] for name in UNITS if name in row})
         series.write_field_3d(float(number), *field_arrays_3d(solution), region_names=sorted(device.mesh.regions))
         pandas.DataFrame(rows).to_csv(folder / "field.csv", index=False)
     assert solution is not None and strongest is not None
@@ -104,7 +141,7 @@ def field_study_3d(
     }
     warnings = [*case.warnings, *driven_beyond_their_tables([strongest])]
     summary = {"units": UNITS, "currents": rows, "at_last_current": details, "warnings": warnings}
-    (folder / "field.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    write_summary(folder / "field.json", case, summary)
     return folder
 
 
@@ -121,7 +158,4 @@ def along_line(solution: Field3D, points: np.ndarray) -> pandas.DataFrame:
     mesh, problem = solution.problem.mesh, solution.problem
     B, H = solution.flux_density(points), solution.field_strength(points)
     element, _ = problem.locator.find(problem.fold.into_mesh(points)[0])
-    columns = {"distance": np.linalg.norm(points - points[0], axis=1)}
-    for name, vector in (("", points), ("B_", B), ("H_", H)):
-        columns |= {f"{name}{axis}": vector[:, k] for k, axis in enumerate("xyz")}
-    return pandas.DataFrame(columns | {"region": mesh.region_of_element()[element]})
+    return line_table(np.linalg.norm(points - points[0], axis=1), points, B, H, mesh.region_of_element()[element])

@@ -43,6 +43,7 @@ def field_report(folder: Path, summary: dict[str, Any]) -> Report:
     if forces := summary["at_last_current"].get("axial_force"):
         report.add("Axial forces", _forces(forces), Shown.TERMINAL)
     report.add("At the last current", Table([*_details(summary)]), Shown.TERMINAL)
+    report.add("Materials", Table([*summary.get("materials", {}).items()], ("region", "material")), Shown.PAGE)
     pictures = [Picture(in_words(one.stem), one) for one in sorted(folder.glob("*.png"))]
     return report.add("Pictures", pictures, Shown.PAGE)
 

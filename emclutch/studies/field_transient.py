@@ -27,7 +27,8 @@ from emclutch.scene.units import Quantity, Time
 from emclutch.scene.value_list import values_of
 from emclutch.simulation.forecast.expected_field import field_of_sheared_powder, powder_in_words
 from emclutch.studies.coil_transient import UNITS, CoilTransient, Course, drive_of
-from emclutch.studies.field import at_the_faces, coil_of_field, even_powder
+from emclutch.studies.field import at_the_faces, coil_of_field
+from emclutch.studies.field_3d import even_powder, write_summary
 from emclutch.studies.transient_report import transient_report
 from field.laws.table_end import driven_beyond_their_tables
 from field.section.error_estimate import estimate_error
@@ -135,7 +136,7 @@ def field_transient(
         }
     if progress is not None:
         progress.update(1.0, "files and pictures")
-    _write(folder, scene, transient, course, summary)
+    _write(folder, case, transient, course, summary)
     found = TransientResult(folder, json.loads((folder / "transient.json").read_text(encoding="utf-8")), course.table)
     write_index(found.report())
     return found
@@ -188,18 +189,15 @@ def _ends(transient: CoilTransient, course: Course, warnings: tuple[str, ...]) -
     }
 
 
-def _write(folder: Path, scene: Scene, transient: CoilTransient, course: Course, summary: dict[str, Any]) -> None:
+def _write(folder: Path, case: Case, transient: CoilTransient, course: Course, summary: dict[str, Any]) -> None:
     folder.mkdir(parents=True)
     course.table.to_csv(folder / "transient.csv", index=False)
-    (folder / "transient.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
-    series, states, title = PvdSeries(folder, "field"), course.states, scene.scene.title
+    write_summary(folder / "transient.json", case, summary)
+    scene, series, states, title = case.scene, PvdSeries(folder, "field"), course.states, case.scene.scene.title
     shown = min(len(states), max(2, scene.output.snapshots))
     for number in np.linspace(0, len(states) - 1, shown).round().astype(int):
         series.write_field(states[number].time, field_arrays(transient.field(states[number])))
     transient_picture(folder / "transient.png", course.table, summary, title=title)
-    section_picture(
-        folder / "section.png",
-        SmoothField(transient.coil.problem.elements, states[-1].psi),
-        filled=transient.coil.powder_boxes,
-        title=f"{title}\n{states[-1].current:.4g} A at the end",
-    )
+    smooth = SmoothField(transient.coil.problem.elements, states[-1].psi)
+    title += f"{title}\n{states[-1].current:.4g} A at the end"
+    section_picture(folder / "section.png", smooth, filled=transient.coil.powder_boxes, title=title)

@@ -42,6 +42,7 @@ from emclutch.results.text import format_range
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import Fault, SceneError, bad_input_for, no_argument
 from emclutch.scene.flat import settings_beside
+from emclutch.scene.input_files import materials_in_words
 from emclutch.scene.map_axes import CURRENT, KEYS, Axis, axes_of, sheared_gap_hint
 from emclutch.scene.units import unit_of
 from emclutch.simulation.forecast.expected_field import field_of_sheared_powder
@@ -97,10 +98,17 @@ class MapPoint:
         return self.torque is not None and (self.torque.is_guess or self.torque.low == 0.0 < self.torque.high)
 
     @property
+    def beyond(self) -> str:
+        """Materials whose tables end too early for the torque, in words; empty without any."""
+        names = ", ".join({} if self.torque is None or self.expected is None else self.expected.beyond_tables.values())
+        return f"beyond the table of {names}" if names else ""
+
+    @property
     def remark(self) -> str:
-        """Why there is no torque, or why it is 0 or a guess; else empty."""
+        """Why there is no torque, or why it is 0, a guess or beyond a table; else empty."""
         without = self.torque is None or self.torque.mean == 0.0
-        return self.expected.law if self.expected is not None and (self.is_guess or without) else self.reason
+        law = self.expected.law if self.expected is not None and (self.is_guess or without) else self.reason
+        return "; ".join(filter(None, (law, self.beyond)))
 
     def row(self) -> dict[str, Any]:
         """Return its torques [N m] by the columns of map.csv; None where unknown."""
@@ -158,13 +166,19 @@ class MapResult(Reported):
                 rows.append(head | ({others[0].key: value} if others else {}) | row)
         return rows
 
-    @property
+    @cached_property
     def warnings(self) -> list[str]:
-        """Warnings of the scene, and of steel that points drive beyond the unsaturated end of its table."""
-        beyond = [(one, one.expected.beyond_tables[0]) for one in self.points if one.expected and
-                  one.expected.beyond_tables]  # fmt: skip
-        count = f"{len(beyond)} of {len(self.points)} points drive steel beyond its table"
-        return [*self.case.warnings, *(f"{count}. At {self.where(one)}: {text}" for one, text in beyond[-1:])]
+        """Warnings of the scene and of the point with the strongest field, and of points beyond the end of a table."""
+        known = sorted(((one.expected, one) for one in self.points if one.expected), key=lambda pair: pair[0].H)
+        (expected, strongest), of_all = known[-1], self.case.warnings
+        texts = dict.fromkeys(_scene_at(self.case, self.axes, strongest.values).warnings + expected.warnings)
+        found = [text if text in of_all else f"at {self.where(strongest)}: {text}" for text in texts]
+        if beyond := [(expected, one) for expected, one in known if one.beyond]:
+            expected, worst = beyond[-1]
+            found.append(f"{len(beyond)} of {len(self.points)} points drive steel beyond its table; the interval does "
+                         f"not contain the error of the table. At {self.where(worst)}: "
+                         f"{'. '.join(expected.beyond_tables)}")  # fmt: skip
+        return found
 
     @property
     def rows(self) -> list[dict[str, Any]]:
@@ -212,8 +226,9 @@ class MapResult(Reported):
     def report(self) -> Report:
         """Return the largest and the smallest torque, what is a guess or missing, and the table; data in SI."""
         axes = [{"key": a.key, "name": a.name, "unit": a.quantity.unit, "values": a.values} for a in self.axes]
+        materials = materials_in_words(self.case.scene, self.case.data)
         data = {"case": self.case.name, "axes": axes, "points": self.rows, "folder": str(self.folder),
-                "warnings": self.warnings}  # fmt: skip
+                "materials": materials, "warnings": self.warnings}  # fmt: skip
         data |= {"measured": self.measured} if self.measured else {}
         report = Report(f"Torque map: {self.case.name}", data=data, folder=self.folder)
         report.add("Result", Statements([*self._of_measured(), *self._statements()]), Shown.TERMINAL)
@@ -223,7 +238,7 @@ class MapResult(Reported):
         cells = [
             [a.shown(value) for a, value in zip(self.axes, point.values, strict=True)]
             + [_shown(row[name]) for name in (*names, FALLING) if name in row]
-            + ["guess" if point.is_guess else "" if point.torque else "none"]
+            + [", ".join(filter(None, ("guess" if point.is_guess else "" if point.torque else "none", point.beyond)))]
             for point, row in zip(self.points, self.rows, strict=True)
         ]
         head = [*(a.name for a in self.axes), *HEADS[: len(names)], *branch, ""]
@@ -231,7 +246,9 @@ class MapResult(Reported):
             report.add("Measured divided by expected torque", self._measured_table(), Shown.PAGE)
         where = Shown.TERMINAL if len(cells) <= SHORT else Shown.PAGE
         report.add("Points", Table(cells, head, range(len(head) - 1)), where)
-        files = [("map.csv", "all points in SI, with the reason of every guess"), ("map.json", "the same as JSON")]
+        report.add("Materials", Table([*materials.items()], ("region", "material")), Shown.PAGE)
+        files = [("map.csv", "all points in SI, with the reason of every guess"), ("map.json", "the same as JSON"),
+                 ("case.toml", "the scene as resolved, in SI units")]  # fmt: skip
         if self.measured:
             files += [(COMPARED, "measured and expected torques"), (MEASURED, "the measured table as it was given")]
         return report.add("Files", Links(files), Shown.PAGE)
@@ -281,7 +298,7 @@ class MapResult(Reported):
         names = ("Largest torque", "Smallest torque") if len(known) > 1 else ("Torque",)
         for name, point in zip(names, (largest, smallest), strict=False):
             assert point.torque is not None  # by `known`
-            mark = Mark.WARNING if point.is_guess or point.torque.mean == 0.0 else Mark.GOOD
+            mark = Mark.WARNING if point.is_guess or point.beyond or point.torque.mean == 0.0 else Mark.GOOD
             yield Statement(mark, f"{name}: {point.torque.in_words()} at {self.where(point)}.")
             if point.expected is not None and point.expected.unknown_powder is not None:
                 between = format_range(*point.expected.unknown_powder)
@@ -418,6 +435,7 @@ def map_over(
         replace_text(folder / COMPARED, pandas.DataFrame(result.measured).to_csv(index=False))
     report = result.report()
     replace_json(folder / "map.json", report.data)
+    case.write_toml(folder / "case.toml")
     write_index(report)
     return result
 

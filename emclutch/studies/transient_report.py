@@ -40,6 +40,7 @@ def transient_report(folder: Path, summary: dict[str, Any]) -> Report:
     units = summary["units"]
     rows = [(f"{in_words(name)} [{units[name]}]", in_cells(value)) for name, value in summary["at_end"].items()]
     report.add("At the end", Table(rows), Shown.PAGE)
+    report.add("Materials", Table([*summary.get("materials", {}).items()], ("region", "material")), Shown.PAGE)
     pictures = [Picture(in_words(one.stem), one) for one in sorted(folder.glob("*.png"), reverse=True)]
     return report.add("Pictures", pictures, Shown.PAGE)
 

@@ -29,6 +29,7 @@ _MIN_END = 0.1
 _MIN_POINTS = 3
 # No material has a saturation polarisation of more (iron-cobalt: 2.45 T).
 _MAX_POLARISATION = 3.0
+_WEAK = 0.2  # polarisation [T] below that of any steel, and of most ferrites
 _STEEPEST_STEEL, _STRONG = 4e4, 1.2  # largest relative permeability, grain-oriented, of what has this polarisation [T]
 
 # A published table rounds its figures: a last slope 2 % under mu_0 is a rounding, not a fault.
@@ -114,6 +115,11 @@ def _too_permeable(H: np.ndarray, B: np.ndarray) -> str:
     return f"the relative permeability reaches {ratio:.2g}, that of steels 40 000 at most; is H in Oe?"
 
 
+def _too_weak(J: float) -> str:
+    """A warning of a saturation polarisation [T] below that of any steel."""
+    return f"J_s = {J:.2g} T; steels have 1 to 2.4 T: check the unit of B" if J < _WEAK else ""
+
+
 @dataclass(frozen=True, slots=True)
 class TableLaw(SplineLaw):
     """A measured magnetisation curve: H grows with B, and dB/dH is not below mu_0, up to the rounding of a table.
@@ -140,7 +146,7 @@ class TableLaw(SplineLaw):
     left_out : int
         Points of a tail in which dB/dH is below mu_0; the slope of vacuum replaces it.
     warning : str
-        The tail that is left out, and a permeability beyond that of any steel; empty of others.
+        The tail that is left out, a permeability beyond and a J_s below that of any steel; empty of others.
 
     Raises
     ------
@@ -165,7 +171,7 @@ class TableLaw(SplineLaw):
         if H[0] > 0.0 and B[0] > 0.0:
             H, B = np.concatenate(([0.0], H)), np.concatenate(([0.0], B))
         self._check_curve(H, B)
-        warnings = [_too_permeable(H, B)]
+        warnings = [_too_permeable(H, B), _too_weak(float((B - MU_0 * H).max()))]
         last = last_before_tail(H, B)
         if last is not None:
             left_out = len(H) - 1 - last

@@ -6,11 +6,11 @@
     120, 0.31
     ...
 
-Columns stand in any order: `H` in A/m, kA/m, MA/m, Oe or kOe, and either `B` in T, mT, G or kG, or the polarisation
-`J = B - mu_0 H` in one of these; `Magnetizing Force H`, `Flux Density` and other names of `_NAMES` mean them too. A
-warning names the others, which are not used. The rows of a curve ascend with H, or
-descend. `geometry.table_file` says how numbers and units may be written. Errors are reported with the number of the
-line in the file.
+Columns stand in any order: `H` in A/m, kA/m, MA/m, A/cm, Oe or kOe, and either `B` in T, mT, G or kG, or the
+polarisation `J = B - mu_0 H` in one of these; `Magnetizing Force H`, `Flux Density` and other names of `_NAMES` mean
+them too. A warning names the others, which are not used. The rows of a curve ascend with H, or descend.
+`geometry.table_file` says how numbers and units may be written. Errors are reported with the number of the line in the
+file.
 
 A hysteresis loop has the same columns, its rows in the order of the measurement.
 """

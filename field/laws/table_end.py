@@ -64,10 +64,9 @@ class TableEnd:
         )
 
 
-def driven_beyond_their_tables(fields: Iterable[MagneticField | Field3D]) -> list[str]:
-    """A warning for each region that a solution drives beyond the unsaturated end of its material's curve."""
-    ends: dict[str, TableEnd] = {}
-    largest: dict[str, float] = {}
+def driven_beyond_their_tables(fields: Iterable[MagneticField | Field3D]) -> dict[str, str]:
+    """Materials by a warning of each with the regions that solutions drive beyond its unsaturated end, worst first."""
+    largest: dict[TableEnd, dict[str, float]] = {}
     for solution in fields:
         problem = solution.problem
         ends_here = {region: TableEnd.of(problem.laws[region]) for region in problem.mesh.regions}
@@ -76,10 +75,11 @@ def driven_beyond_their_tables(fields: Iterable[MagneticField | Field3D]) -> lis
             continue
         B = np.linalg.norm(solution.flux_density(), axis=1)
         for region, end in here.items():
-            ends[region] = end
-            largest[region] = max(largest.get(region, 0.0), float(B[problem.mesh.regions[region]].max()))
-    return [
-        f"{region} ({end.name}) is driven to {largest[region]:.3g} T: {end.in_words()}"
-        for region, end in ends.items()
-        if largest[region] > _BEYOND * end.B
-    ]
+            known = largest.setdefault(end, {})
+            known[region] = max(known.get(region, 0.0), float(B[problem.mesh.regions[region]].max()))
+    found: dict[str, str] = {}
+    for end, known in sorted(largest.items(), key=lambda pair: -max(pair[1].values()) / pair[0].B):
+        worst = sorted((-B, region) for region, B in known.items() if B > _BEYOND * end.B)
+        where = ", ".join(f"{name} ({end.name}) is driven to {-B:.3g} T" for B, name in worst)
+        found |= {f"{where}: {end.in_words()}": end.name} if worst else {}
+    return found

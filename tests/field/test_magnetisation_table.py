@@ -89,7 +89,7 @@ FAULTS = {
     "nothing": ([], "has no table"),
     "only remarks": (["# nothing"], "has no table"),
     "no header": (GOOD, "line 1 has numbers but no header"),
-    "no unit": (["H,B [T]", *GOOD], "'H' has no unit; write H [A/m]"),
+    "no unit": (["H,B [T]", *GOOD], "write the unit of your numbers, e.g. H [A/m], H [kA/m], H [Oe]"),
     "unknown unit": (["H [A/m],B [Teslas]", *GOOD], "another quantity; known: T, mT, G"),
     "FEMM's points alone": (["0\t0", "0.5\t100", "1\t900"], "begin with a line such as 'H [A/m], B [T]', or, over"),
     "a loop from above": (["H [A/m],B [T]", "900,1.5", "100,1", "9,0.8", "0,0.5"], "line 5: the curve starts at H = 0"),

@@ -132,7 +132,7 @@ def test_the_list_for_machines_is_json():
 def test_a_curve_is_read_at_field_strengths_and_flux_densities(tmp_path):
     """Points of the table of steel 1010 (2228.2 A/m, 1.4028 T), in all units; beyond its last one; B = mu_r mu_0 H."""
     H, B = 2228.2, 1.4028
-    places = f"{H} A/m, {H * 4e-3 * np.pi:.10g} Oe, {B} T, {1e4 * B} G, 0 A/m, 70 kA/m"
+    places = f"{H} A/m, {H * 4e-3 * np.pi:.10g} oe, {B} T, {1e4 * B} G, 0 A/m, 70 kA/m"
     *points, zero, last = json.loads(asked("steel_1010", "--at", places, "--json"))["points"]
     assert all((one["H"], one["B"]) == pytest.approx((H, B), rel=1e-9) and not one["beyond_table"] for one in points)
     assert zero["mu_r"] == pytest.approx(1.0 / (MU_0 * material("steel_1010").H_of_B(np.zeros(1))[1][0]))
@@ -147,13 +147,21 @@ def test_a_curve_is_read_at_field_strengths_and_flux_densities(tmp_path):
 def test_curves_are_drawn_into_a_new_file(tmp_path):
     picture = tmp_path / "curves.png"
     (tmp_path / "mine.csv").write_text("H [A/m], B [T]\n100, 1\n1000, 1.5\n9000, 1.7\n")
-    asked("steel_1010", "copper", str(tmp_path / "mine.csv"), "--plot", str(picture))
+    text = asked("steel_1010", "copper", str(tmp_path / "mine.csv"), "--plot", str(picture), "--at", "1 T")
+    assert "curves.png" in text.replace("\n", "") and "B/(mu_0 H)" in text
     assert picture.read_bytes()[:4] == b"\x89PNG" and picture.stat().st_size > 20_000
     before = picture.read_bytes()
     assert "--plot" in asked("steel_1010", "--plot", str(picture), code=2)
     assert picture.read_bytes() == before
     assert ".png" in asked("steel_1010", "--plot", str(tmp_path / "curves.txt"), code=2)
     assert "does not exist; make it" in asked("steel_1010", "--plot", str(tmp_path / "none" / "curves.png"), code=2)
+
+
+def test_a_table_weaker_than_any_steel_is_doubted():
+    """B in kG that is said to be T has J_s ten times too large; in T that is said to be kG ten times too small."""
+    H, B = np.array([100.0, 1e3, 9e3]), np.array([1.0, 1.5, 1.7])
+    assert TableLaw(H, 0.1 * B).warning.startswith("J_s = 0.16 T; steels have 1 to 2.4 T: check the unit of B")
+    assert not TableLaw(H, B).warning and not any(getattr(material(name), "warning", "") for name in material_names())
 
 
 def test_every_wrong_name_is_reported(tmp_path):
@@ -174,6 +182,8 @@ def test_the_picture_holds_the_curves(tmp_path, monkeypatch):
     assert np.allclose(material("steel_1010").H_of_B(B)[0], 1e3 * H)
     H, B = logarithmic.lines[0].get_data()
     assert np.allclose(material("steel_1010").H_of_B(B)[0], H)
+    solid, dashed = (line.get_data()[1] for line in plain.lines[:2])
+    assert plain.lines[1].get_linestyle() == "--" and solid.max() <= material("steel_1010").B.max() <= dashed.min()
     B, mu_r = permeability.lines[-1].get_data()
     assert np.allclose(mu_r, 1.0)
     assert [text.get_text() for text in plain.get_legend().get_texts()] == ["steel_1010", "copper"]

@@ -123,7 +123,7 @@ np.save(LONE_ARRAY, np.zeros((2, 3)))
         ("a.csv", "x [m], y [m]\n1, 2\n", "only x, y; give all three"),
         ("a.csv", "x [m], y [m], z [m]\n", "has no table"),
         ("a.csv", "x [m], y [m], z [m]\n1, 2\n", "line 2 has 2 entries for 3 columns"),
-        ("a.csv", "x [m], y [m], z\n1, 2, 3\n", "line 1: the column 'z' has no unit; write z .m."),
+        ("a.csv", "x [m], y [m], z\n1, 2, 3\n", "line 1: the column 'z' has no unit; .* e.g. z .m., z .cm."),
         ("a.csv", "x [m], y [m], z [kg]\n1, 2, 3\n", "'z' is in 'kg', which is unknown or of another quantity"),
         ("a.csv", "x [m], y [m], z [m], vx [mm], vy [mm], vz [mm]\n1, 2, 3, 4, 5, 6\n", "'vx' is in 'mm'.* m/s"),
         ("a.csv", "x [m], y [m], z [m], v_x [m/s], v_y [m/s], v_z [m/s]\n1, 2, 3, 4, 5, 6\n", "column 'v_x', which"),

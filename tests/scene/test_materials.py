@@ -76,7 +76,7 @@ FAULTS = {
     "another law": ({"law": "linear", **TABLED}, CURVE, "materials.mine.table", "conflicts with law = 'linear'"),
     "no name": ({"table": 3}, CURVE, "materials.mine.table = 3", "the name of a file in quotes"),
     "two keys": ({**TABLED, "bh": "curve.csv"}, CURVE, "materials.mine.bh", "is not a known key"),
-    "no unit": (TABLED, "H,B\n0,0\n", "materials.mine.table", "write H [A/m]"),
+    "no unit": (TABLED, "H,B\n0,0\n", "materials.mine.table", "e.g. H [A/m], H [kA/m], H [Oe]"),
     "too few points": (TABLED, HEAD, "materials.mine.table", "at least 3"),
     "too few in lists": ({"law": "table", "H": [0, 1, 2], "B": [0, 1, 2]}, CURVE, "materials.mine ", "at least 3"),
     "two files": ({**TABLED, "file": "curve.csv"}, CURVE, "materials.mine.file", "keep one of them"),

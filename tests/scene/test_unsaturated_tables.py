@@ -11,7 +11,9 @@ from typer.testing import CliRunner
 import emclutch
 from emclutch.cli.main import app
 from emclutch.device_model.decision import warnings_of
+from emclutch.results.report.render import terminal
 from emclutch.results.report.verdict import verdict
+from emclutch.results.run_folder import RunFolder
 from emclutch.scene.case import load_case
 from emclutch.simulation.check import check
 from field.laws.magnetisation_curve import TableLaw
@@ -56,15 +58,16 @@ def test_other_laws_end_saturated_but_for_a_loop():
 
 def test_check_and_run_report_it(tmp_path):
     case = load_case(QUICKSTART, SHORT)
-    field = check(case).decisions["field"]
-    for region, text in zip(("disc", "rotor"), field.warnings, strict=True):
-        assert re.match(rf"{region} \(short\) is driven to 0.8\d+ T: {re.escape(END)}", text)
+    found = check(case)
+    (text,) = found.decisions["field"].warnings
+    regions = ", ".join(rf"{region} \(short\) is driven to 0.8\d+ T" for region in ("rotor", "disc"))  # worst first
+    assert re.match(rf"{regions}: {re.escape(END)}", text) and text in found.report().data["warnings"]
     assert "field" not in warnings_of(check(case.with_values(WEAK)).decisions)
     brief = {"time.end": "0.005 ms", "output.pictures": False, "accuracy.replicas": 1, "time.until": None}
     run = emclutch.run(case.with_values(brief), out=tmp_path / "run")
     warnings = run.summary["steel"]["warnings"]
-    assert [text.split()[0] for text in warnings] == ["disc", "rotor"]
-    assert any("Disc (short) is driven to" in line.text for line in verdict(run))
+    assert [text.split()[0] for text in warnings] == ["rotor"]
+    assert any("Rotor (short) is driven to" in line.text for line in verdict(run))
 
 
 def test_field_and_materials_report_it(tmp_path):
@@ -74,12 +77,16 @@ def test_field_and_materials_report_it(tmp_path):
     assert f"! short: {END}" in " ".join(listed.output.split())
     down = emclutch.field(case, [1.0, 0.1], out=tmp_path / "down")
     assert down.summary["at_last_current"]["largest_flux_density"] < 0.8
-    assert [text.split()[0] for text in down.summary["warnings"]] == ["disc", "rotor"]  # of the largest current
+    assert [text.split()[0] for text in down.summary["warnings"]] == ["rotor"]  # of the largest current
     assert json.loads((tmp_path / "down" / "field.json").read_text())["warnings"] == down.summary["warnings"]
     assert emclutch.field(case, 0.1, out=tmp_path / "weak").summary["warnings"] == []
-    (warning,) = emclutch.map(case, current="0.1 A, 1 A", out=tmp_path / "map").warnings
-    assert warning.startswith("1 of 2 points drive steel beyond its table. At coil current 1 A: disc (short) is driven")
-    assert json.loads((tmp_path / "map" / "map.json").read_text())["warnings"] == [warning]
+    found = emclutch.map(case, current="0.1 A, 1 A", out=tmp_path / "map")
+    *_, warning = found.warnings
+    assert warning.startswith("1 of 2 points drive steel beyond its table; the interval does not contain the error of")
+    assert re.search(r"At coil current 1 A: rotor \(short\) is driven to 0.8\d+ T, disc \(short\) is driven", warning)
+    assert [row["remark"] for row in found.rows if not row["is_guess"]] == ["beyond the table of short"]
+    assert terminal(found.report()).startswith("! Largest torque")
+    assert json.loads((tmp_path / "map" / "map.json").read_text())["warnings"] == found.warnings
 
 
 def test_results_keep_the_doubts_of_a_table(tmp_path):
@@ -90,3 +97,19 @@ def test_results_keep_the_doubts_of_a_table(tmp_path):
     emclutch.map(case, current="0.1 A, 0.2 A", out=tmp_path / "map")
     for name in ("field/field.json", "field/index.html", "map/map.json", "map/index.html"):
         assert "that of steels 40 000 at most; is H in Oe?" in (tmp_path / name).read_text(encoding="utf-8")
+
+
+def test_folders_keep_the_scene_and_the_files_of_its_materials(tmp_path):
+    rows = "".join(f"{h}, {b}\n" for h, b in zip(H, B, strict=True))
+    (tmp_path / "short.csv").write_text("H [A/m], B [T]\n" + rows)
+    (tmp_path / "case.toml").write_text(QUICKSTART.read_text(encoding="utf-8"), encoding="utf-8")
+    case = load_case(tmp_path / "case.toml", SHORT | {"materials.short": {"table": "short.csv"}})
+    emclutch.field(case, 0.1, out=tmp_path / "field")
+    emclutch.map(case, current="0.1 A, 0.2 A", out=tmp_path / "map")
+    for name in ("field", "map"):
+        assert load_case(tmp_path / name / "case.toml").scene == case.scene
+        materials = json.loads((tmp_path / name / f"{name}.json").read_text())["materials"]
+        assert (materials["rotor"], materials["housing"]) == ("short (short.csv)", "steel_1010")
+        assert "short (short.csv)" in (tmp_path / name / "index.html").read_text(encoding="utf-8")
+        assert not RunFolder(tmp_path / name).is_begun()  # no run to resume
+    assert "disc: short (short.csv)" in check(case).decisions["materials"]

@@ -82,6 +82,14 @@ def test_every_axis_changes_its_key_and_removes_those_that_it_replaces(tmp_path,
     assert point.torque.mean == pytest.approx(expectation_of(case.with_values(changes)).torque, rel=1e-9)
 
 
+def test_the_strongest_point_has_the_warnings_of_check(tmp_path):
+    """Of copper and of the mean field in the powder, once, with the current; the scene at its own 1 A has fewer."""
+    found = torque_map(tmp_path / "map", quickstart(), current="0.5 A, 3 A, 4 A")
+    checked = emclutch.check(found.case.with_values({"coil.current": "4 A"}))
+    expected = [text for text in (*checked.warnings, *checked.decisions["copper"].warnings)]
+    assert len(expected) == 3 and found.warnings == [f"at coil current 4 A: {text}" for text in expected]
+
+
 def test_two_axes_are_rows_of_the_first_for_each_value_of_the_second(tmp_path):
     found = torque_map(tmp_path / "map", CELL, **{FIELD: "50 kA/m:200 kA/m", "fill": "0.3, 0.35"})
     x, y = (axis.values for axis in found.axes)

@@ -62,6 +62,12 @@ def mean_field_strength(device: Device, field: MagneticField | Field3D | None) -
     return zone.field_strength(sampler, angles)
 
 
+def limits_of(scene: Scene, device: Device, field: MagneticField | Field3D | None) -> tuple[str, ...]:
+    """Why the field of `mean_field_strength` is outside of what the models of the effects hold for."""
+    strength = mean_field_strength(device, field)
+    return tuple(text for one in scene.effects.present for text in one.limits(scene, strength))
+
+
 def field_of_sheared_powder(
     coil: CoilDevice,
     fill: np.ndarray,

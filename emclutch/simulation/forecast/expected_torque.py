@@ -195,8 +195,10 @@ class ExpectedTorque:
     pressure, pressure_of : float, str
         The pressure of the inertial number [Pa] and what it is of; 0 where it is that of friction. Magnetised powder
         has it between the poles, or in the whole gap.
-    beyond_tables : tuple of str
-        A warning for each region that the field drives beyond the unsaturated end of its steel's table.
+    warnings : tuple of str
+        Of the current in the copper, and of a field outside of what an effect's model holds for.
+    beyond_tables : dict of str to str
+        Materials by the warnings of steel that the field drives beyond the unsaturated end of its table.
     """
 
     real: Interval | None
@@ -212,7 +214,8 @@ class ExpectedTorque:
     magnetic: bool = False
     pressure: float = 0.0
     pressure_of: str = f"{MAGNETIC} pressure"
-    beyond_tables: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    beyond_tables: dict[str, str] = dataclass_field(default_factory=dict)
 
     @property
     def torque(self) -> float | None:
