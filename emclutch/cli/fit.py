@@ -8,7 +8,7 @@ from emclutch.cli.input import read_shares, refuse_without
 from emclutch.cli.options import USUAL_UNCERTAINTY
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.units import Quantity
-from emclutch.scene.value_list import number_or_text, read_all
+from emclutch.scene.value_list import read_all
 
 _COEFFICIENT = Quantity("a coefficient of friction", "", "0.4", 0.0, 10.0)
 _FILL = Quantity("a solid fraction", "", "0.4", 0.0, 1.0, open_minimum=True)
@@ -38,10 +38,8 @@ def angle_of(repose: str | None, uncertainty: str | None) -> tuple[float, float]
     if repose is None:
         refuse_without("--repose", {"--uncertainty": uncertainty is not None})
         return None
-    found = []
-    for option, text in (("--repose", repose), ("--uncertainty", uncertainty or USUAL_UNCERTAINTY)):
-        try:
-            found.append(_REPOSE.read(number_or_text(text)))
-        except ValueError as error:
-            raise SceneError([Fault(option, text, str(error))], "command line") from None
-    return found[0], found[1]
+    (angle,), (error,) = (
+        read_all([text], _REPOSE, option)
+        for option, text in (("--repose", repose), ("--uncertainty", uncertainty or USUAL_UNCERTAINTY))
+    )
+    return angle, error
