@@ -132,14 +132,18 @@ def map_axes(options: Mapping[str, Any], vary: list[str] | None, sets: list[str]
 
 def read_budget(text: str | None) -> float | None:
     """Return a wall-clock time [s] of ``20min``; SceneError for what is none."""
-    if text is None:
-        return None
     from emclutch.scene.units import Time, quantity_of
 
-    try:
-        return quantity_of(Time).read(number_or_text(text))
-    except ValueError as error:
-        raise SceneError([Fault("--budget", shown(text), f"{error}; write it as in '20min'")], "command line") from None
+    return None if text is None else read_all([text], quantity_of(Time), "--budget")[0]
+
+
+def read_share(text: str, option: str) -> float:
+    """Return the one share of ``3 %``."""
+    found = read_shares(text, option)
+    if len(found) > 1:
+        message = f"has {len(found)} entries; give one, e.g. '3 %'"
+        raise SceneError([Fault(option, shown(text), message)], "command line")
+    return found[0]
 
 
 def read_shares(text: str, option: str) -> list[float]:

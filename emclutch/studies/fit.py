@@ -209,7 +209,8 @@ def fit(
     clearance = _clearance_share(_driven(fitted, over, largest)) if found.is_poor else None
     own = dict(zip((FRICTION, _rolling_key(case.scene)), powder_of(case.scene), strict=False))
     own |= {FILL: build_device(case.scene).fill.solid_fraction} if FILL in ends else {}
-    own = {name: own[name] for name in names} if all(v[0] <= own[key] <= v[-1] for key, v in ends.items()) else {}
+    tried = all(values[0] <= own[key] <= values[-1] for key, values in ends.items())
+    own = {name: own[name] for name in names if tried}
     result = FitResult(folder, over, drive.unit, Path(to), measured, left_out, found, angles, fitted, expected, own,
                        clearance)  # fmt: skip
     _write(result)
@@ -460,9 +461,6 @@ def _of_parameters(result: FitResult) -> Iterator[Statement]:
     if result.repose is not None:
         low, high = (f"{math.degrees(one):.3g}" for one in result.repose)
         yield note(f"The powders that fit have an angle of repose of {low} to {high} degrees.")
-    if names := ", ".join(one.name for one in fitted.parameters if sum(one.bounded) == 1):
-        limits = " and ".join(f"{name} of {low:g} to {high:g}" for name, (low, high) in list(POWDERS.items())[:2])
-        yield note(f"{names} may lie beyond the range that was tried; the law holds for {limits}.")
     if result.expected.real is not None:
         at = _drive(result, float(measured.drive.max()))
         yield note(f"Torque of the best parameters by the law at {at}: {result.expected.real.in_words()}.")

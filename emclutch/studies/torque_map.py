@@ -69,7 +69,7 @@ SHOWN = 100
 MAX_MEASURED = 30
 """Measured currents at most at which the expected torque is computed; with more it is interpolated."""
 NAMED = 3
-"""Points outside of the interval at most that the first line names."""
+"""Points outside of the interval that are named."""
 SHORT = 20
 """Points at most in a table on the terminal; the page has all."""
 CURVES = 6
@@ -345,8 +345,8 @@ def _ratio_in_words(rows: Sequence[Mapping[str, Any]], of: str, x: Axis) -> Stat
     count = f"{len(outside)} of {len(rows)} points {lie} outside of the 95 % interval"
     guess = f"; the expected torque of {guesses} is a guess" if guesses else ""
     spread = low if low == high else f"{low} to {high}"
-    mark = Mark.WARNING if outside else Mark.GOOD
-    return Statement(mark, f"Measured divided by expected torque{of}: {spread}; {count}{which}{guess}.")
+    return Statement(Mark.WARNING if outside else Mark.GOOD,
+                     f"Measured divided by expected torque{of}: {spread}; {count}{which}{guess}.")  # fmt: skip
 
 
 def map(

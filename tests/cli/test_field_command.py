@@ -10,7 +10,7 @@ import tomli_w
 from step_file import rectangle, write_polygons
 from typer.testing import CliRunner
 
-from emclutch.cli.input import read_line
+from emclutch.cli.input import read_line, read_share
 from emclutch.cli.main import app
 from emclutch.device_model.body_forces import forces_on, regions_of_body
 from emclutch.device_model.device import build_device
@@ -222,6 +222,8 @@ def test_currents_and_lines_are_read():
             read_list(text, current, "--current")
     for text in ("1 A,2 A", "1, 2", "1.0,2.0", "1 A:2 A:2", "1e0,2e0", "1e+0,2e+0"):
         assert read_list(text, current, "--current") == [1.0, 2.0]
+    with pytest.raises(SceneError, match="--within = '3 %, 5 %' has 2 entries; give one"):
+        read_share("3 %, 5 %", "--within")
     with pytest.raises(SceneError, match=r"decimals follow a point: 44\.5"):
         read_line("44,5 mm, 0 mm, 46,5 mm, 0 mm")  # as six lengths it was a line in 3D
     assert read_line("44 mm, 0 mm, 0.046, -1 mm") == (0.044, 0.0, 0.046, -0.001)
