@@ -1,18 +1,18 @@
-"""Entries of `emclutch fit`: ranges of the parameters, the angle of repose, the common error."""
+"""Entries of `emclutch fit`: ranges of the parameters, the angle of repose."""
 
 from __future__ import annotations
 
 import math
 
-from emclutch.cli.input import read_shares, refuse_without
+from emclutch.cli.input import refuse_without
 from emclutch.cli.options import USUAL_UNCERTAINTY
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.units import Quantity
-from emclutch.scene.value_list import number_or_text, read_all
+from emclutch.scene.value_list import read_all
 
 _COEFFICIENT = Quantity("a coefficient of friction", "", "0.4", 0.0, 10.0)
 _FILL = Quantity("a solid fraction", "", "0.4", 0.0, 1.0, open_minimum=True)
-_REPOSE = Quantity("an angle", "rad", "34 deg", 0.0, 0.5 * math.pi, open_minimum=True, angular=True)
+REPOSE = Quantity("an angle", "rad", "34 deg", 0.0, 0.5 * math.pi, open_minimum=True, angular=True)
 
 
 def ends_of(text: str, option: str) -> float | tuple[float, float]:
@@ -24,24 +24,13 @@ def ends_of(text: str, option: str) -> float | tuple[float, float]:
     return values[0] if len(values) == 1 else (values[0], values[1])
 
 
-def common_error_of(text: str | None) -> float:
-    """Return the relative error that all measured torques share, 0.03 of ``3 %``; 0 without one."""
-    found = [0.0] if text is None else read_shares(text, "--common-error")
-    if len(found) > 1:
-        message = f"has {len(found)} entries; give one, e.g. '3 %'"
-        raise SceneError([Fault("--common-error", str(text), message)], "command line")
-    return found[0]
-
-
 def angle_of(repose: str | None, uncertainty: str | None) -> tuple[float, float] | None:
     """Return the angle of repose and its standard error [rad]; None without one."""
     if repose is None:
         refuse_without("--repose", {"--uncertainty": uncertainty is not None})
         return None
-    found = []
-    for option, text in (("--repose", repose), ("--uncertainty", uncertainty or USUAL_UNCERTAINTY)):
-        try:
-            found.append(_REPOSE.read(number_or_text(text)))
-        except ValueError as error:
-            raise SceneError([Fault(option, text, str(error))], "command line") from None
-    return found[0], found[1]
+    (angle,), (error,) = (
+        read_all([text], REPOSE, option)
+        for option, text in (("--repose", repose), ("--uncertainty", uncertainty or USUAL_UNCERTAINTY))
+    )
+    return angle, error

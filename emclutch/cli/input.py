@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from emclutch.scene.errors import Fault, SceneError, shown
-from emclutch.scene.value_list import number_or_text, read_all
+from emclutch.scene.value_list import number_or_text, read_all, split_list
 
 if TYPE_CHECKING:
     from emclutch.scene.case import Case
@@ -128,14 +128,18 @@ def map_axes(options: Mapping[str, Any], vary: list[str] | None) -> dict[str, st
 
 def read_budget(text: str | None) -> float | None:
     """Return a wall-clock time [s] of ``20min``; SceneError for what is none."""
-    if text is None:
-        return None
     from emclutch.scene.units import Time, quantity_of
 
-    try:
-        return quantity_of(Time).read(number_or_text(text))
-    except ValueError as error:
-        raise SceneError([Fault("--budget", shown(text), f"{error}; write it as in '20min'")], "command line") from None
+    return None if text is None else read_all([text], quantity_of(Time), "--budget")[0]
+
+
+def read_share(text: str, option: str) -> float:
+    """Return the one share of ``3 %``."""
+    found = read_shares(text, option)
+    if len(found) > 1:
+        message = f"has {len(found)} entries; give one, e.g. '3 %'"
+        raise SceneError([Fault(option, shown(text), message)], "command line")
+    return found[0]
 
 
 def read_shares(text: str, option: str) -> list[float]:
@@ -143,7 +147,7 @@ def read_shares(text: str, option: str) -> list[float]:
     from emclutch.scene.fraction import FractionEntry
 
     found, faults = [], []
-    for entry in text.split(","):
+    for entry in split_list(text, option):
         try:
             found.append(float(FractionEntry().read(entry.strip())))
         except ValueError as error:
@@ -155,7 +159,7 @@ def read_shares(text: str, option: str) -> list[float]:
 
 def read_line(text: str) -> tuple[float, ...]:
     """Return the ends of a line [m] from ``44 mm, 0 mm, 46 mm, 0 mm``, or of six lengths; SceneError otherwise."""
-    parts = text.split(",")
+    parts = split_list(text, "--line")
     if len(parts) not in (4, 6):
         message = (
             "is not a line; write r0, z0, r1, z1, e.g. '44 mm, 0 mm, 46 mm, 0 mm' (for a field in 3D x0, y0, z0, "

@@ -16,7 +16,7 @@ from emclutch.results.report.report import Mark, Report, Shown, Statement, State
 from emclutch.scene.errors import Fault, SceneError, shown
 from emclutch.scene.materials import ENDINGS
 from emclutch.scene.units import CurveFieldStrength, FluxDensity, quantity_of
-from emclutch.scene.value_list import read_all
+from emclutch.scene.value_list import read_all, split_list
 from field.laws.coercivity import coercivity, misfit_of_curve
 from field.laws.conductivity import Conductivity, conductivity
 from field.laws.magnetisation_curve import TableLaw
@@ -150,7 +150,7 @@ def points_of(laws: list[Law], places: str) -> list[dict[str, Any]]:
     `beyond_table` where a measured curve has ended. SceneError for a place that cannot be read.
     """
     points: list[dict[str, Any]] = []
-    for text in map(str.strip, places.split(",")):
+    for text in map(str.strip, split_list(places, "--at")):
         unit = re.sub(r"^[\s+-]*[\d.]*(e[+-]?\d+)?\s*", "", text, flags=re.I)
         if not unit:
             message = "has no unit; write a field strength (A/m, kA/m, A/cm, Oe, kOe) or a flux density (T, mT, G, kG)"

@@ -22,7 +22,7 @@ from emclutch.results.study_result import load_study
 from emclutch.results.torque_curves import PER_GAP, TorqueCurve, row_of_run, torque_curves
 from emclutch.scene.errors import Fault, SceneError
 from emclutch.scene.units import Quantity
-from emclutch.scene.value_list import number_or_text
+from emclutch.scene.value_list import read_all
 from emclutch.simulation.pictures import draw_missing
 from emclutch.studies.tables import CURRENT, SEED, SIZES, VOLTAGE
 
@@ -92,7 +92,7 @@ def plot_runs(
     points = None if measured is None else read_measured(measured, *columns)
     curves = curves_of(folders, kind) if kind in _AXES else []
     if rated is not None:
-        at = _current(rated)
+        (at,) = read_all([rated], _RATED, "--rated")
         curves = [curve.over_rated(at) for curve in curves]
     out = numbered_file(folders[0], kind, ".png") if out is None else new_path(out)
     title = _title(folders, results)
@@ -199,13 +199,6 @@ def _require(x: str, rows: Sequence[Mapping[str, Any]], name: str) -> None:
             "version"
         )
         raise OutputError(f"{name} {reason}")
-
-
-def _current(text: str) -> float:
-    try:
-        return _RATED.read(number_or_text(text))
-    except ValueError as error:
-        raise SceneError([Fault("--rated", text, str(error))], "command line") from None
 
 
 def _names(folders: Sequence[Path]) -> list[str]:

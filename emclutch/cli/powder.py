@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from emclutch.cli.fit import REPOSE
 from emclutch.results.atomic_file import json_values
 from emclutch.results.new_path import new_picture
 from emclutch.results.report.report import Mark, Report, Shown, Statement, Statements, Table, note, sentence
@@ -28,7 +29,6 @@ from particles.bulk_friction.friction_table import SOFTNESS, FrictionPair, measu
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_REPOSE = Quantity("an angle", "rad", "34 deg", 0.0, 0.5 * math.pi, open_minimum=True, angular=True)
 _SPREAD = Quantity("an angle", "rad", "1 deg", 0.0, 0.5, angular=True)
 PAIRS = 8
 """Of a line that are listed."""
@@ -81,7 +81,7 @@ def line_of(repose: str | None, internal_friction: float | None, uncertainty: st
         raise SceneError([Fault("powder", "", message)], "command line")
     option, entry = ("--repose", repose) if internal_friction is None else ("--internal-friction", internal_friction)
     try:
-        angle = None if repose is None else _REPOSE.read(number_or_text(repose))
+        angle = None if repose is None else REPOSE.read(number_or_text(repose))
         bulk = internal_friction or 0.0 if angle is None else math.sin(angle)
         pair_of_bulk_friction(bulk)  # refuses an angle that no friction gives
     except ValueError as error:

@@ -18,6 +18,7 @@ from emclutch.cli.input import (
     load,
     map_axes,
     read_budget,
+    read_share,
     read_shares,
     refuse_beside,
     refuse_to_resume_nothing,
@@ -258,7 +259,7 @@ def design(
         if not runs:
             refuse_without("--runs", {"--within": within is not None, "--threads": threads is not None})
         asked = search(file, vary, target, sets, trust_scripts)
-        (tolerance,) = read_shares(within or opt.USUAL_WITHIN, "--within")
+        tolerance = read_share(within or opt.USUAL_WITHIN, "--within")
         from emclutch.results import Progress
         from emclutch.studies import design_search
 
@@ -357,7 +358,7 @@ def fit(
     """Find the friction, rolling friction and fill of a powder from a measured torque curve."""
     with explained():
         read = load(case, sets, trust_scripts)
-        from emclutch.cli.fit import angle_of, common_error_of, ends_of
+        from emclutch.cli.fit import angle_of, ends_of
         from emclutch.results import Progress
         from emclutch.studies import fit as study
 
@@ -367,6 +368,7 @@ def fit(
             found = study.fit(
                 read, to, friction=ranges[0], rolling_friction=ranges[1],
                 fill=None if fill is None else ends_of(fill, "--fill"), over=over, repose=angle_of(repose, uncertainty),
-                common_error=common_error_of(common_error), out=out, progress=progress,
+                common_error=0.0 if common_error is None else read_share(common_error, "--common-error"), out=out,
+                progress=progress,
             )  # fmt: skip
         show(found.report(), as_json)

@@ -13,7 +13,7 @@ from emclutch.scene.errors import Fault, SceneError, entry_at, shown
 from emclutch.scene.fault_report import key_fault, quantity_at
 from emclutch.scene.model import Scene
 from emclutch.scene.units import Quantity, in_unit_of, unit_of
-from emclutch.scene.value_list import RANGE_POINTS, read_list
+from emclutch.scene.value_list import RANGE_POINTS, read_list, values_of
 
 CURRENT = "coil.current"
 KEYS: dict[str, tuple[str, tuple[str, ...], str]] = {
@@ -158,12 +158,8 @@ def _axis(case: Case, name: str, entry: str | Sequence[Any], option: str, count:
             values = np.geomspace(values[0], values[-1], len(values)).tolist()
         texts: Sequence[Any] = [text.strip() for text in entry.replace(":", ",").split(",")]
     else:
-        values, texts = [], list(entry) if isinstance(entry, Iterable) else [entry]
-        for one in texts:
-            try:
-                values.append(quantity.read(one))
-            except ValueError as error:
-                raise SceneError([Fault(option, shown(one), str(error))], "torque map") from None
+        texts = list(entry) if isinstance(entry, Iterable) else [entry]
+        values = values_of(texts, quantity, option)
     ascending = tuple(sorted({float(f"{value:.15g}") for value in values}))  # 0.2 of a range is not 0.19999999999999998
     if len(ascending) < 2:
         message = f"is one value; an axis has 2 or more; give a range A:B, or set {key} in the scene"

@@ -126,6 +126,12 @@ class MotionSection(Section):
         return self
 
     @property
+    def drag_in_words(self) -> str:
+        """Say that an expected torque, which is that of the powder, is without the drag; empty where there is none."""
+        text = f"motion.drag_torque = {self.drag_torque:.4g} N m is not in the expected torque"
+        return f"{text}. Subtract it from torques measured on a shaft." if self.drag_torque else ""
+
+    @property
     def largest_slip(self) -> float:
         """Largest difference [rad/s] of both speeds; with a free shaft the larger of both."""
         rotor, disc = self._speeds_of_largest_slip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from typing import Annotated, Any
 
@@ -10,8 +11,9 @@ from emclutch.scene.units import Quantity, quantity_of
 
 RANGE_POINTS = 16
 """Values of a range without a count."""
+_DECIMAL_COMMA = re.compile(r"(?:^|[\s,:])([+-]?\d+),(\d+)")
+"""A whole number and digits beyond a comma: 0,5 of "0,5 A", or two numbers of a list, which nobody can tell."""
 _WallTime = Annotated[float, Quantity("a time", "s", "20 min", 0.0, 1e8, open_minimum=True)]
-
 
 
 def number_or_text(text: str) -> str | float:
@@ -20,6 +22,16 @@ def number_or_text(text: str) -> str | float:
         return float(text)
     except ValueError:
         return text.strip()
+
+
+def split_list(text: str, option: str, source: str = "command line") -> list[str]:
+    """Return the entries between the commas of a text; SceneError where one may be a decimal comma."""
+    if found := _DECIMAL_COMMA.search(text):
+        whole, digits = found.groups()
+        message = f"has a decimal comma; decimals follow a point: {whole}.{digits}; "
+        message += "in a list a number has a unit, or a blank after its comma"
+        raise SceneError([Fault(option, shown(text), message)], source)
+    return text.split(",")
 
 
 def read_list(
@@ -34,7 +46,7 @@ def read_list(
     SceneError
         With every entry that cannot be read.
     """
-    parts = text.split(",")
+    parts = split_list(text, option, source)
     if len(parts) > 1 and ":" in text:
         return [value for part in parts for value in read_list(part, quantity, option, source=source)]
     if ":" not in text:

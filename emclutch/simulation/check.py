@@ -42,6 +42,7 @@ if TYPE_CHECKING:
 DETAILS = "All settings chosen by the program: emclutch check CASE --details"
 FIRST = {
     "expected torque": "torque",
+    "drag": "drag",
     "fill": "fill",
     "bodies": "bodies",
     "cost": "cost",
@@ -181,6 +182,7 @@ def _check(case: Case, threads: int | None) -> Checked:
             slip += " (holding torque: the largest, quasi-static, before the shafts slip)"
         words["operating point"] = f"{device.coil.largest_current:.4g} A, {slip}"
     words |= {"expected torque": expected.in_words()} | expected.details()
+    words |= {"drag": scene.motion.drag_in_words} if scene.motion.drag_torque else {}
     if bodies := scene.geometry.bodies_in_words(scene):
         words["bodies"] = bodies
     size = grain_size(scene, device)

@@ -6,16 +6,19 @@ measured currents, in fields that are solved for them; `emclutch.studies.torque_
 
 from __future__ import annotations
 
+import json
 import math
 import shlex
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas
+import tomli_w
 
 from emclutch.device_model.device import build_device
 from emclutch.results.atomic_file import json_values, replace_json, replace_text
@@ -31,8 +34,9 @@ from emclutch.scene.model import Scene
 from emclutch.scene.units import format_number
 from emclutch.simulation.forecast.expected_field import expected_magnetisation
 from emclutch.simulation.forecast.expected_torque import ExpectedTorque, torques_of_powders
-from emclutch.simulation.forecast.powder_law import POWDERS, law_of, shipped_laws
+from emclutch.simulation.forecast.powder_law import POWDERS, law_of, powder_of, shipped_laws
 from emclutch.studies.design_search import expectation_of
+from emclutch.studies.measured_torques import trend_in_words
 from emclutch.studies.torque_fit import WITHIN, MeasuredTorques, TorqueFit, TrialTorques, fit_torque, read_torques
 from field import MagneticField
 from field.section.ampere_turns import ampere_turns_by_part
@@ -47,8 +51,9 @@ DRIVES = 6
 TRIALS = {1: 21, 2: 21, 3: 13}
 """Values of each parameter for which the law is computed, by the number of parameters."""
 FRICTION, FILL = "contact.friction", "particles.solid_fraction"
-MISFITS, LARGE_SHARE = 3, 0.1
-"""Points that are named where nothing fits; part of the ampere-turns from which on the clearance is suspected."""
+MISFITS, LARGE_SHARE, LARGE_SCATTER = 3, 0.1, 0.1
+"""Points that are named where nothing fits; part of the ampere-turns from which on the clearance is suspected; scatter
+from which on a fit without errors is doubtful."""
 AMOUNTS = ("particles.mass", "particles.count")
 
 Ends = float | tuple[float, float]
@@ -76,6 +81,8 @@ class FitResult(Reported):
         The scene with the fitted parameters.
     expected : ExpectedTorque
         Of that scene at the largest measured drive.
+    own : dict of str to float
+        The scene's own values of the fitted parameters; empty where they were not tried.
     clearance : float or None
         Part of the ampere-turns in the running clearance there; None where the curve is fitted, or there is none.
     """
@@ -90,6 +97,7 @@ class FitResult(Reported):
     repose: tuple[float, float] | None
     case: Case
     expected: ExpectedTorque
+    own: dict[str, float]
     clearance: float | None = None
 
     def report(self) -> Report:
@@ -199,8 +207,12 @@ def fit(
     largest = float(measured.drive.max())
     expected = expectation_of(_driven(fitted, over, largest))
     clearance = _clearance_share(_driven(fitted, over, largest)) if found.is_poor else None
-    result = FitResult(
-        folder, over, drive.unit, Path(to), measured, left_out, found, angles, fitted, expected, clearance)  # fmt: skip
+    own = dict(zip((FRICTION, _rolling_key(case.scene)), powder_of(case.scene), strict=False))
+    own |= {FILL: build_device(case.scene).fill.solid_fraction} if FILL in ends else {}
+    tried = all(values[0] <= own[key] <= values[-1] for key, values in ends.items())
+    own = {name: own[name] for name in names if tried}
+    result = FitResult(folder, over, drive.unit, Path(to), measured, left_out, found, angles, fitted, expected, own,
+                       clearance)  # fmt: skip
     _write(result)
     return result
 
@@ -296,7 +308,8 @@ def _write(result: FitResult) -> None:
     names = [one.name for one in fitted.parameters]
     for name, rows, columns in (("fit.csv", points, head), ("valley.csv", fitted.valley, names)):
         replace_text(folder / name, pandas.DataFrame(rows, columns=columns).to_csv(index=False, float_format="%.6g"))
-    replace_text(folder / "fitted.toml", result.case.toml())
+    scene = json.loads(json.dumps(result.case.resolved()), parse_float=lambda text: float(f"{float(text):.15g}"))
+    replace_text(folder / "fitted.toml", tomli_w.dumps(scene))
     _draw(result)
     write_index(result.report())
 
@@ -338,7 +351,8 @@ def as_data(result: FitResult) -> dict[str, Any]:
             "parameters": [asdict(one) for one in fitted.parameters],
             "valley": fitted.valley.tolist(), "repose": result.repose,
             "sum_of_squares": fitted.sum_of_squares, "degrees_of_freedom": fitted.degrees_of_freedom,
-            "probability": fitted.probability, "scatter": fitted.scatter, "is_poor": fitted.is_poor,
+            "probability": None if result.measured.error is None else fitted.probability,
+            "scatter": fitted.scatter, "is_poor": fitted.is_poor,
             "factor": fitted.factor, "is_guess": fitted.is_guess, "guess_points": int(fitted.guess_at.sum()),
             "measured_points": len(result.measured.drive), "left_out": result.left_out,
             "clearance_share": result.clearance, "fall": result.measured.largest_fall() or None,
@@ -351,7 +365,14 @@ def as_data(result: FitResult) -> dict[str, Any]:
 def _statements(result: FitResult) -> Iterator[Statement]:
     """Say the parameters with their intervals, how well they fit, and what would bound them; or why none fit."""
     fitted, measured = result.fit, result.measured
-    yield from _of_misfit(result) if fitted.is_poor else _of_parameters(result)
+    judged = fitted.guess_at == fitted.guess_at.all()
+    points = np.column_stack([measured.drive, measured.torque / fitted.measured[:, 0]])[judged]
+    trend = trend_in_words("measured divided by fitted torque", points, partial(_drive, result))
+    yield from _of_misfit(result, trend) if fitted.is_poor else _of_parameters(result)
+    if trend and (measured.error is None or fitted.is_poor):
+        yield warning(trend)
+    if drag := result.case.scene.motion.drag_in_words:
+        yield note(drag)
     if fall := measured.largest_fall():
         (before, high), (after, low) = fall
         yield warning(
@@ -360,8 +381,10 @@ def _statements(result: FitResult) -> Iterator[Statement]:
             "temperature of the coil, where the current was not measured at each point"
         )
     left = f", {result.left_out} left out (a drive or a torque not above 0)" if result.left_out else ""
-    yield note(f"Scatter of measured over fitted torques: {100.0 * fitted.scatter:.3g} %, {len(measured.drive)} points"
-               f"{left}.")  # fmt: skip
+    left = " without guesses" * (not judged.all()) + left
+    text = f"Scatter of measured over fitted torques: {100.0 * fitted.scatter:.3g} %, {judged.sum()} points{left}."
+    is_doubtful = measured.error is None and fitted.scatter > LARGE_SCATTER
+    yield warning(f"{text} So large a scatter makes the values doubtful") if is_doubtful else note(text)
     if fitted.is_guess:
         yield warning(f"the fit is a guess, as is the torque: {result.expected.law}")
     elif fitted.guess_at.any():
@@ -371,7 +394,9 @@ def _statements(result: FitResult) -> Iterator[Statement]:
         )
     if fitted.is_poor:
         return
-    if fitted.probability is not None:
+    if measured.error is None:
+        yield note("No test of the fit is possible: the table has no errors.")
+    elif fitted.probability is not None:
         yield note(f"Errors alone cause a misfit this large with a probability of {100.0 * fitted.probability:.2g} %.")
     scene = str(result.folder / "fitted.toml")
     smallest = min(float(measured.drive.min()), 0.5 * float(measured.drive.max()))  # of one point a range too
@@ -386,7 +411,7 @@ def _drive(result: FitResult, value: float) -> str:
     return f"{format_number(value)} {result.unit}".strip()
 
 
-def _of_misfit(result: FitResult) -> Iterator[Statement]:
+def _of_misfit(result: FitResult, trend: str) -> Iterator[Statement]:
     """Say that nothing fits, which points are off most, and what to suspect."""
     fitted, measured = result.fit, result.measured
     why = f"within the errors (probability {fitted.probability:.1g})"
@@ -398,7 +423,7 @@ def _of_misfit(result: FitResult) -> Iterator[Statement]:
     yield note(f"Largest misfits, measured against the nearest curve: {', '.join(points)}.")
     share = result.clearance or 0.0
     takes = f"geometry.clearance (it takes {100.0 * share:.2g} % of the ampere-turns), " if share > LARGE_SHARE else ""
-    if fitted.has_shape:
+    if fitted.has_shape and not trend:
         yield note(f"The curve has the shape of the law: {fitted.factor:.3g} times the nearest curve fits. Suspect one "
                    f"cause at all drives: {takes}calibration, winding, radius, gap or amount of powder.")  # fmt: skip
     else:
@@ -421,6 +446,11 @@ def _of_parameters(result: FitResult) -> Iterator[Statement]:
         else:
             how = f"= {one.value:.3g} (95 %: {low} to {high})"
         yield Statement(Mark.GOOD if all(one.bounded) else Mark.WARNING, f"{one.name} {how}.")
+    if result.own:
+        nearest = tuple(np.argmin(abs(of - own)) for of, own in zip(fitted.levels, result.own.values(), strict=True))
+        fits = "fit too" if fitted.excess[nearest] <= WITHIN else "do not fit (95 %)"
+        values = ", ".join(f"{name} = {value:.3g}" for name, value in result.own.items())
+        yield note(f"The scene's own values {fits}: {values}.")
     several = len(fitted.parameters) > 1
     if not all(any(one.bounded) for one in fitted.parameters):
         why = "All of them change the strength of the powder, which the curve mainly fixes. " if several else ""
@@ -431,9 +461,6 @@ def _of_parameters(result: FitResult) -> Iterator[Statement]:
     if result.repose is not None:
         low, high = (f"{math.degrees(one):.3g}" for one in result.repose)
         yield note(f"The powders that fit have an angle of repose of {low} to {high} degrees.")
-    if names := ", ".join(one.name for one in fitted.parameters if sum(one.bounded) == 1):
-        limits = " and ".join(f"{name} of {low:g} to {high:g}" for name, (low, high) in list(POWDERS.items())[:2])
-        yield note(f"{names} may lie beyond the range that was tried; the law holds for {limits}.")
     if result.expected.real is not None:
         at = _drive(result, float(measured.drive.max()))
         yield note(f"Torque of the best parameters by the law at {at}: {result.expected.real.in_words()}.")

@@ -10,17 +10,39 @@ with the wider interval of both. Currents beyond the map are not extrapolated to
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from math import log
 from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.stats import kendalltau
 
 from emclutch.results.fits import NORMAL
 from emclutch.simulation.forecast.expected_torque import Interval
 
 SAME = 1e-9
 """Relative difference of two currents up to which they are one, written in different units."""
+CHANCE, LEAST_TREND = 0.1, 0.06
+"""Probability of a rank correlation by chance below which a ratio has a trend; ln of the change that is one at least,
+twice the scatter about the form of the law."""
+
+
+def trend_in_words(name: str, points: Any, shown: Callable[[float], str]) -> str:
+    """Say that a ratio of torques changes with the size of the drive, and what to suspect; empty where it does not.
+
+    `points` has drives and ratios (n, 2).
+    """
+    x, ratio = np.reshape(points, (-1, 2)).T
+    if len(x) < 2 or ratio.min() <= 0.0:
+        return ""
+    x, (tau, chance) = abs(x), kendalltau(abs(x), ratio)
+    low, high = (float(ratio[x == end].mean()) for end in (x.min(), x.max()))
+    if not chance < CHANCE or np.sign(tau) * log(high / low) < LEAST_TREND:  # nan where all drives are one
+        return ""
+    how, why = ("falls", "drag or remanence") if tau < 0.0 else ("rises", "powder that still gathers")
+    ends = f"{low:.3g} at {shown(float(x.min()))} to {high:.3g} at {shown(float(x.max()))}"
+    return f"{name} {how} from {ends}: suspect the magnetic circuit, {why} rather than friction"
 
 
 def interpolated_torques(

@@ -210,7 +210,7 @@ class TorqueFit:
         Of an S this large, if the model is right, or of an S - S_0 where the errors of the measurement are unknown;
         None where there are no more points than parameters.
     scatter : float
-        Standard deviation of ln(T measured/T fitted).
+        Standard deviation of ln(T measured/T fitted), without points that are guesses unless all are.
     factor : float
         Common factor of all points that T measured/T fitted has, by the errors of the single points.
     has_shape : bool
@@ -306,6 +306,8 @@ def fit_torque(trials: TrialTorques, measured: MeasuredTorques, other: Residual 
         return np.exp(np.column_stack([mean, mean - low, mean + high]))
 
     drives, at = np.geomspace(measured.drive.min(), measured.drive.max(), CURVE), band(measured.drive)
+    guess_at = form[near] > 0.0
+    judged = guess_at == guess_at.all()
     square, count = (S[best], free) if known is not None else (S[best] - further[best] - S_0[best], 1)
     return TorqueFit(
         parameters=tuple(found), levels=levels, excess=excess, valley=valley, measured=at,
@@ -315,8 +317,8 @@ def fit_torque(trials: TrialTorques, measured: MeasuredTorques, other: Residual 
         probability=float(chi2.sf(square, count)) if count > 0 else None,
         factor=float(np.exp(off[best] * c.reshape(*S.shape, n)[best].mean())),
         has_shape=bool(chi2.sf(S_0[best], max(free - 1, 1)) >= POOR),
-        scatter=float(np.sqrt(np.sum(np.log(measured.torque / at[:, 0]) ** 2) / max(n - k, 1))),
-        guess_at=form[near] > 0.0, is_guess=bool(is_guess[best]),
+        scatter=float(np.sqrt(np.sum(np.log(measured.torque / at[:, 0])[judged] ** 2) / max(judged.sum() - k, 1))),
+        guess_at=guess_at, is_guess=bool(is_guess[best]),
     )  # fmt: skip
 
 

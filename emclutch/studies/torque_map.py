@@ -48,7 +48,7 @@ from emclutch.scene.units import unit_of
 from emclutch.simulation.forecast.expected_field import field_of_sheared_powder
 from emclutch.simulation.forecast.expected_torque import ExpectedTorque, Interval
 from emclutch.studies.design_search import expectation_of
-from emclutch.studies.measured_torques import compared_rows
+from emclutch.studies.measured_torques import compared_rows, trend_in_words
 from field import ConvergenceError
 
 if TYPE_CHECKING:
@@ -69,6 +69,8 @@ SHOWN = 100
 """Measured torques at most in the table of the page; the file has all."""
 MAX_MEASURED = 30
 """Measured currents at most at which the expected torque is computed; with more it is interpolated."""
+NAMED = 3
+"""Points outside of the interval that are named."""
 SHORT = 20
 """Points at most in a table on the terminal; the page has all."""
 CURVES = 6
@@ -271,7 +273,7 @@ class MapResult(Reported):
     def _of_measured(self) -> Iterator[Statement]:
         """Say for each measured curve its ratio to the expected one, to the nearest one of a second axis."""
         rows, (x, *others) = self.measured, self.axes
-        names = list(dict.fromkeys(row["curve"] for row in rows))
+        names, has_trend = list(dict.fromkeys(row["curve"] for row in rows)), False
         for name in names:
             known = [row for row in rows if row["curve"] == name and row["ratio"] is not None]
             missing = {row[x.key]: None for row in rows if row["curve"] == name and row["ratio"] is None}
@@ -283,11 +285,15 @@ class MapResult(Reported):
                 value, nearest = min(groups.items(), key=lambda pair: float(np.mean([_misfit(row) for row in pair[1]])))
                 of += f", nearest at {others[0].name} {others[0].shown(value)}" if others else ""
                 yield _ratio_in_words(nearest, of, x)
+                judged = [(row[x.key], row["ratio"]) for row in nearest if not row["is_guess"]]
+                if trend := trend_in_words(f"measured divided by expected torque{of}", judged, x.shown):
+                    has_trend = True
+                    yield warning(trend)
             if missing:
                 shown = [x.shown(current) for current in missing]
                 several = ", ".join(shown if len(shown) < 5 else [*shown[:3], "...", shown[-1]])
                 yield note(f"Measured{of} but not compared, at 0 A or beyond the points of the map: {several}.")
-        if any(row["is_inside"] is False for row in rows):
+        if any(row["is_inside"] is False for row in rows) and not has_trend:
             yield note("The interval is common to all points: one cause may move them all, as powder, gap or winding.")
             if len(names) == 1:
                 yield note(f"Next: fit the powder to them: {self._command('fit', '--to', str(self.folder / MEASURED))}")
@@ -314,6 +320,8 @@ class MapResult(Reported):
                 all_of = "" if len(found) == 1 else " All reasons: map.csv."
                 yield warning(f"{count}. At {self.where(found[0])}: {found[0].remark}.{all_of}")
         yield from (warning(text) for text in self.warnings)
+        if drag := self.case.scene.motion.drag_in_words:
+            yield note(drag)
         above = [(one.falling / one.torque.mean - 1.0, one) for one in self.points if one.falling and one.torque]
         if above:
             ratio, point = max(above, key=lambda pair: pair[0])
@@ -344,14 +352,18 @@ def _misfit(row: Mapping[str, Any]) -> float:
 
 
 def _ratio_in_words(rows: Sequence[Mapping[str, Any]], of: str, x: Axis) -> Statement:
-    ratios, worst = [row["ratio"] for row in rows], max(rows, key=_misfit)
-    outside, guesses = sum(not row["is_inside"] for row in rows), sum(row["is_guess"] for row in rows)
-    low, high = (f"{end(ratios):#.3g}".rstrip(".") for end in (min, max))
-    spread = f"{low} to {high}, farthest from 1 at " if len(rows) > 1 else f"{low} at "
-    count = f"{outside} of {len(rows)} points {'lies' if outside == 1 else 'lie'} outside of the 95 % interval"
+    """Say the range of the ratios, of guesses only where all are, and the points outside of the interval."""
+    judged = [row for row in rows if not row["is_guess"]]
+    outside = sorted((row for row in rows if not row["is_inside"]), key=lambda row: (row["is_guess"], -_misfit(row)))
+    low, high = (f"{end(row['ratio'] for row in judged or rows):#.3g}".rstrip(".") for end in (min, max))
+    names = [f"{x.shown(row[x.key])} ({100.0 * (row['ratio'] - 1.0):+.0f} %)" for row in outside[:NAMED]]
+    which = f": {', '.join(names)}{', ...' * (len(outside) > NAMED)}" if names else ""
+    lie, guesses = "lies" if len(outside) == 1 else "lie", len(rows) - len(judged)
+    count = f"{len(outside)} of {len(rows)} points {lie} outside of the 95 % interval"
     guess = f"; the expected torque of {guesses} is a guess" if guesses else ""
-    mark = Mark.WARNING if outside else Mark.GOOD
-    return Statement(mark, f"Measured divided by expected torque{of}: {spread}{x.shown(worst[x.key])}; {count}{guess}.")
+    spread = low if low == high else f"{low} to {high}"
+    return Statement(Mark.WARNING if outside else Mark.GOOD,
+                     f"Measured divided by expected torque{of}: {spread}; {count}{which}{guess}.")  # fmt: skip
 
 
 def map(

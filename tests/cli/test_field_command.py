@@ -10,11 +10,12 @@ import tomli_w
 from step_file import rectangle, write_polygons
 from typer.testing import CliRunner
 
-from emclutch.cli.input import read_line
+from emclutch.cli.input import read_line, read_share
 from emclutch.cli.main import app
 from emclutch.device_model.body_forces import forces_on, regions_of_body
 from emclutch.device_model.device import build_device
 from emclutch.scene.case import load_case, read_toml
+from emclutch.scene.errors import SceneError
 from emclutch.scene.units import Quantity
 from emclutch.scene.value_list import read_list
 from field import MU_0, ConvergenceError, pole_pressure
@@ -216,4 +217,13 @@ def test_currents_and_lines_are_read():
     assert np.allclose(read_list("-1 A : 1 A : 5", current, "--current"), [-1.0, -0.5, 0.0, 0.5, 1.0])
     assert np.allclose(read_list("0 A : 1 A", current, "--current", 3), [0.0, 0.5, 1.0])
     assert np.allclose(read_list("0 A : 1 A : 3, 0.5 A, 0 A", current, "--current"), [0.0, 0.5, 1.0, 0.5, 0.0])
+    for text in ("1,2 A", "1,2,3 A", "0,1 A:0,9 A:3", "-0,5", "1 A, 2,5 A"):
+        with pytest.raises(SceneError, match="has a decimal comma; decimals follow a point"):
+            read_list(text, current, "--current")
+    for text in ("1 A,2 A", "1, 2", "1.0,2.0", "1 A:2 A:2", "1e0,2e0", "1e+0,2e+0"):
+        assert read_list(text, current, "--current") == [1.0, 2.0]
+    with pytest.raises(SceneError, match="--within = '3 %, 5 %' has 2 entries; give one"):
+        read_share("3 %, 5 %", "--within")
+    with pytest.raises(SceneError, match=r"decimals follow a point: 44\.5"):
+        read_line("44,5 mm, 0 mm, 46,5 mm, 0 mm")  # as six lengths it was a line in 3D
     assert read_line("44 mm, 0 mm, 0.046, -1 mm") == (0.044, 0.0, 0.046, -0.001)

@@ -138,7 +138,7 @@ def test_what_cannot_be_drawn_over_the_current_is_refused(tmp_path):
     (bench := tmp_path / "bench.csv").write_text("current_A,torque_Nm\n0.9,12\n")
     for given, reason in (
         ({"rated": "3 A"}, r"no torque at 3 A to divide by; it has: 1, 2 A"),
-        ({"rated": "3 V"}, "--rated = 3 V is a voltage; a current is needed"),
+        ({"rated": "3 V"}, "--rated = '3 V' is a voltage; a current is needed"),
         ({"rated": "0 A"}, "allowed"),
         ({"rated": "1 A", "measured": bench}, "'current' is in 'A', which is .*wanted: current over the rated one"),
         ({"kind": "torque", "rated": "1 A"}, "add --torque-current"),

@@ -9,6 +9,7 @@ import pytest
 from emclutch.results import load_result, quantities
 from emclutch.scene.case import load_case
 from emclutch.scene.motion import MotionSection
+from emclutch.simulation.check import check
 from emclutch.simulation.discretisation_error import device_of
 from emclutch.studies.tables import row_of
 from tests.results.written_run import written_run
@@ -42,6 +43,13 @@ def test_a_free_shaft_has_it_in_its_load():
     assert MotionSection.model_validate({"rotor": {"speed": "10 rpm"}, "drag_torque": "0.1 N m"}).drag_torque == 0.1
     with pytest.raises(ValueError, match=r"add it to free\.load_torque"):
         MotionSection.model_validate({"rotor": {"speed": "10 rpm"}, "disc": free, "drag_torque": "0.1 N m"})
+
+
+def test_check_says_that_the_expected_torque_is_without_it():
+    case = load_case(Path(__file__).parents[2] / "cases" / "quickstart.toml")
+    said = check(case.with_values({"motion.drag_torque": "0.1 N m"})).decisions["drag"]
+    assert said.startswith("motion.drag_torque = 0.1 N m is not in the expected torque. Subtract it from torques")
+    assert "drag" not in check(case).decisions
 
 
 def test_it_is_no_other_device_for_what_was_measured_of_its_settings():

@@ -173,6 +173,24 @@ def test_a_device_outside_of_the_law_is_a_guess_and_is_said(tmp_path):
     assert not any(found.fit.parameters[0].bounded)
 
 
+def test_a_table_without_errors_has_no_test_of_the_fit_and_a_trend_is_said(quickstart, tmp_path):
+    """T + drag: the misfit alone gives the errors of single points, so its probability would say nothing."""
+    case = quickstart.with_values({"motion.drag_torque": 0.03, "geometry.seal_radius": "18.7 mm"})
+    rows = bench(tmp_path, case, (0.3, 0.4, 0.6, 1.0)).read_text().splitlines()[1:]
+    points = [(float(I), float(T) + 0.03) for I, T, _ in (row.split(",") for row in rows)]
+    curve = write(tmp_path, "m.csv", "I [A], T [N m]\n" + "".join(f"{I},{T}\n" for I, T in points))
+    rolling = case.scene.effects.rolling.coefficient
+    found = fit(case, curve, rolling_friction=rolling, out=tmp_path / "a")
+    lines = " ".join(line.text for line in found.report().statements())
+    assert "No test of the fit is possible: the table has no errors." in lines and "probability" not in lines
+    assert "Measured divided by fitted torque falls from 1." in lines and "drag or remanence rather than" in lines
+    assert "So large a scatter makes the values doubtful." in lines and "motion.drag_torque = 0.03 N m" in lines
+    assert json.loads((tmp_path / "a" / "fit.json").read_text())["probability"] is None
+    assert f"The scene's own values fit too: {FRICTION} = {case.scene.contact.friction:.3g}." in lines
+    assert "seal_radius = 0.0187\n" in (tmp_path / "a" / "fitted.toml").read_text()
+    assert not fit(case, curve, rolling_friction=0.5 * rolling, out=tmp_path / "b").own  # of another rolling friction
+
+
 def test_a_measured_curve_is_read_in_its_units(tmp_path):
     path = write(
         tmp_path, "m.csv", "\ufeff# brake\ncurrent [mA], torque [mN m], error (mN m)\n\n400,300,5\n200, 90, 3\n0,1,1\n"
@@ -243,6 +261,7 @@ def test_a_value_or_a_range_is_read():
         (("--over", "coil.nothing"), "coil.nothing"),
         (("--repose", "200 deg"), "out of range"),
         (("--uncertainty", "2 deg"), "needs --repose"),
+        (("--common-error", "3,5 %"), "has a decimal comma; decimals follow a point: 3.5"),
         (("--common-error", "3"), "is not a percentage"),
         (("--common-error", "3 %, 5 %"), "has 2 entries; give one"),
         (("--over", "coil.current"), "the scene does not have; name its drive"),

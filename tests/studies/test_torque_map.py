@@ -23,7 +23,7 @@ from emclutch.scene.map_axes import axes_of, sheared_gap_hint
 from emclutch.simulation.discretisation_error import device_of
 from emclutch.simulation.forecast.expected_torque import Interval
 from emclutch.studies.design_search import expectation_of
-from emclutch.studies.measured_torques import compared_rows, interpolated_torques
+from emclutch.studies.measured_torques import compared_rows, interpolated_torques, trend_in_words
 from field.laws.temperature import saturation_ratio
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
@@ -118,6 +118,9 @@ def test_the_gap_is_that_of_the_rim_or_of_the_faces_and_long_ranges_are_divided_
         (("--current", "1 A:2 A", "--gap", "1 mm:2 mm", "--fill", "0.3:0.4"), "map needs one or two axes"),
         (("--current", "1 mm:2 mm"), "--current = '1 mm' is a length; a current is needed"),
         (("--current", "1 A:2 A:1"), "--current = '1 A:2 A:1' is not a list or a range; write"),
+        (("--current", "0,5 A"), "--current = '0,5 A' has a decimal comma; decimals follow a point: 0.5; in a list a"),
+        (("--current", "0.1 A:0,9 A:3"), "has a decimal comma; decimals follow a point: 0.9"),
+        (("--gap", "1,2 mm"), "--gap = '1,2 mm' has a decimal comma"),
         (("--current", "1 A"), "--current = '1 A' is one value; an axis has 2 or more"),
         (("--current", "1 A:2 A:2000"), "has 2000 points; allowed: 2 to 1000"),
         (("--fill", "0.3:1.3"), "--fill = '1.3' is out of range; allowed: > 0, <= 1"),
@@ -180,8 +183,8 @@ def test_measured_torques_stand_beside_the_expected_ones(tmp_path):
     assert [row["is_inside"] for row in near] == [True, False]
     assert near[0]["standard_error"] == pytest.approx(0.02 * near[0]["torque_measured"])
     first, second, third, fourth = [line.text for line in found.report().statements()][:4]
-    ends = f"{near[0]['ratio']:.2f} to {near[1]['ratio']:.2f}, farthest from 1 at 0.8 A"
-    assert first == f"Measured divided by expected torque: {ends}; 1 of 2 points lies outside of the 95 % interval."
+    ends = f"{near[0]['ratio']:.2f} to {near[1]['ratio']:.2f}; 1 of 2 points lies outside of the 95 % interval"
+    assert first == f"Measured divided by expected torque: {ends}: 0.8 A (+50 %)."
     assert second.endswith("at 0 A or beyond the points of the map: 0 A, 1.2 A.") and "common to all points" in third
     assert "emclutch fit " in fourth and f"--to {found.folder / 'measured.csv'}" in fourth
     assert json.loads((found.folder / "map.json").read_text())["measured"] == found.measured
@@ -217,9 +220,42 @@ def test_of_a_second_axis_the_nearest_value_is_named(tmp_path):
     assert [(row["curve"], row["particles.solid_fraction"]) for row in found.measured] == [
         (name, fill) for fill in (0.3, 0.35) for name in ("cold", "warm")]  # fmt: skip
     first, second, *_ = [line.text for line in found.report().statements()]
-    said = "Measured divided by expected torque ({}), nearest at solid fraction {} A; {} of 1 points "
-    assert first.startswith(said.format("cold", "0.35: 1.01 at 0.5", 0))
-    assert second.startswith(said.format("warm", "0.3: 0.00 at 1", 1))
+    said = "Measured divided by expected torque ({}), nearest at solid fraction {}; {} of 1 points "
+    assert first.startswith(said.format("cold", "0.35: 1.01", 0))
+    assert second.startswith(said.format("warm", "0.3: 0.00", 1)) and second.endswith("interval: 1 A (-100 %).")
+
+
+def test_the_first_line_names_judged_points_and_a_trend_its_causes(tmp_path):
+    """0.05 A is a guess, twice off; T + 0.03 N m of drag at all other currents: their ratio falls to 1."""
+    case, table = quickstart(**{"motion.drag_torque": "0.03 N m"}), tmp_path / "bench.csv"
+    currents = (0.05, 0.4, 0.5, 0.7, 1.0)
+    known = [expectation_of(case.with_values({"coil.current": one})).torque for one in currents]
+    torques = [3.0 * known[0], *(T + 0.03 for T in known[1:])]
+    rows = "".join(f"{I},{T}\n" for I, T in zip(currents, torques, strict=True))
+    table.write_text("I [A],torque [N m]\n" + rows)
+    found = emclutch.map(case, measured=table, current="0.05 A, 1 A", out=tmp_path / "map")
+    lines = [line.text for line in found.report().statements()]
+    first = 1.0 + 0.03 / known[1]
+    assert f"95 % interval: 0.4 A ({100 * (first - 1):+.0f} %)" in lines[0] and lines[0].index(", 0.05 A (+200 %)") > 0
+    assert "; the expected torque of 1 is a guess" in lines[0] and f"{first:#.3g};" in lines[0]
+    falls = f"falls from {first:.3g} at 0.4 A to {1.0 + 0.03 / known[-1]:.3g} at 1 A: suspect the magnetic circuit"
+    assert falls in lines[1] and not any("common to all" in line or "emclutch fit" in line for line in lines)
+    assert "motion.drag_torque = 0.03 N m is not in the expected torque. Subtract it" in " ".join(lines)
+
+
+@pytest.mark.parametrize(
+    ("ratios", "says"),
+    [
+        ([1.13, 1.08, 1.03, 1.0], "falls from 1.13 at 1 to 1 at 4"), ([0.8, 0.9, 0.95, 1.0], "rises from 0.8 at 1 to"),
+        ([1.03, 1.02, 1.01, 1.0], ""), ([1.13, 1.0, 1.05, 1.0], ""), ([1.2, 1.0], ""), ([1.3, 1.2, -1.0, 0.9], ""),
+        ([], ""),
+    ],
+)  # fmt: skip
+def test_a_trend_is_one_that_chance_and_the_form_of_the_law_do_not_make(ratios, says):
+    for sign in (1.0, -1.0):
+        points = [(sign * x, ratio) for x, ratio in enumerate(ratios, start=1)]
+        found = trend_in_words("ratio", points, lambda x: f"{x:g}")
+        assert says in found and bool(found) == bool(says)
 
 
 def test_a_warm_device_is_that_at_20_degrees_with_all_fields_scaled(tmp_path):
