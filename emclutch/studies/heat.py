@@ -409,8 +409,7 @@ class _Study:
             march = HeatInTime(problem, lambda _, means: powers(means), effect.tolerance, reference)
             return self._marched(march, start, ends, lambda mean, _: self._row(drives, mean, ripple))
 
-        # without steady temperatures, about the hottest ones before it runs away
-        mean = through(effect.ambient, None)[2].temperature if steady is None else steady
+        mean = through(effect.ambient, None)[2].temperature if steady is None else steady  # or the last that exist
         ripple = self._ripple(mean)
         # mean and ripple together start at the temperature of the surroundings
         table, summary, hottest = through(effect.ambient - ripple.departures[0], ripple)
@@ -437,14 +436,9 @@ class _Study:
         cycle = HeatInTime(self.problem, self._powers_in_time, effect.tolerance, mean)
         return cycle.ripple(mean, self._switchings(effect.duty.period))
 
-    def _repeated_for_ever(self, drives: Mapping[Drive, float], mean: np.ndarray, ripple: Ripple) -> dict[str, Any]:
-        """The row of the duty repeated for ever, and the error of its mean."""
-        error = self._error_of_the_mean(partial(self._mean_powers, drives), mean, ripple)
-        return {"steady": self._row(drives, mean, ripple), "error_of_the_mean": error}
-
-    def _error_of_the_mean(self, powers: Powers, steady: np.ndarray, ripple: Ripple) -> float:
-        """Largest shift [K] of steady temperatures if their equations are those averaged through the ripple, not at
-        its mean; linearised.
+    def _repeated_for_ever(self, drives: Mapping[Drive, float], steady: np.ndarray, ripple: Ripple) -> dict[str, Any]:
+        """The row of the duty repeated for ever; and the largest shift [K] of its mean if the equations are those
+        averaged through the ripple, not at its mean; linearised.
         """
         problem, means = self.problem, self.problem.means(steady)
         times, weights = self._through_a_period()
@@ -452,9 +446,10 @@ class _Study:
         through = np.column_stack([np.interp(times, ripple.times, of_source) for of_source in departures.T])
         each = [self._powers_in_time(time, means + one)[0] for time, one in zip(times, through, strict=True)]
         losses = [problem.loss(steady + one) for one in ripple.departures]
-        power, slope = powers(means)
+        power, slope = self._mean_powers(drives, means)
         missed = problem.spread @ (weights @ np.array(each) - power) + problem.loss(steady) - ripple.weights @ losses
-        return float(np.abs(problem.factorised(problem.tangent(steady)).solve(missed, slope)).max())
+        error = float(np.abs(problem.factorised(problem.tangent(steady)).solve(missed, slope)).max())
+        return {"steady": self._row(drives, steady, ripple), "error_of_the_mean": error}
 
     def _through_a_period(self) -> tuple[np.ndarray, np.ndarray]:
         """Times [s] and weights, of sum 1, of a mean over a period."""
@@ -514,9 +509,9 @@ class _Study:
                 rows[x] = at(x)
         rotor, disc = self.scene.motion.speeds_at_slip(speed)
         row = {"speed": speed, "rotor_speed": rotor, "disc_speed": disc, "film": film_of(self.scene, rotor)}
-        row |= {by: rows[x]["slip_power"] for by, x in reached.items()}
         keys = ["slip_power", "torque", "powder_hottest"] + ["current"] * by_law
-        return row | {key: rows[min(rows)][key] for key in keys}
+        powers = {by: rows[x]["slip_power"] for by, x in reached.items()}
+        return row | powers | {key: rows[min(rows)][key] for key in keys}
 
     def largest_currents(self) -> dict[str, float]:
         """Steady currents [A] without slip at which the coil reaches its limit, and at which its mean is `HOTTEST`.

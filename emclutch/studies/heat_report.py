@@ -41,11 +41,9 @@ def _temperatures(summary: dict[str, Any]) -> Table:
     steady, duty = summary["steady"], summary["duty"]
     rows = [("steady, on all the time", steady)] if "surface" in steady else []
     rows += [(f"steady, {end}est torque (95 %)", row) for end, row in summary["steady_at_the_ends"].items()]
-    of_duty = {prefix: {key: duty[f"{prefix}_{key}"] for key in (*PLACES, "surface_part")}
-               for prefix in ("last", "largest")}  # fmt: skip
-    if "ripple" not in duty:  # the last row of an averaged duty is a maximum too
-        rows.append((f"end of the duty, {format_duration(duty['end'])}", of_duty["last"]))
-    rows.append(("maximum over the duty", of_duty["largest"]))
+    ends = (f"end of the duty, {format_duration(duty['end'])}", "last"), ("maximum over the duty", "largest")
+    for words, prefix in ends["ripple" in duty :]:  # the end of an averaged duty is a maximum too
+        rows.append((words, {key: duty[f"{prefix}_{key}"] for key in (*PLACES, "surface_part")}))
     if duty.get("steady"):
         rows.append(("maximum, duty repeated for ever", duty["steady"]))
     shown = {"surface": "{surface:.1f} ({surface_part})"}
@@ -87,13 +85,12 @@ def _permitted_at_the_duty(summary: dict[str, Any], permitted: pandas.DataFrame)
     row = permitted.loc[(permitted["speed"] - summary["slip"]).abs().idxmin()]
     powers = {row[f"by_{PLACES[key]}"]: PLACES[key] for key in summary["limits"]}
     limit, largest = powers[min(powers)], summary["largest_current"]
-    if len(powers) == 1 and len(summary["limits"]) > 1 and "current" in row:
+    if len(powers) == 1 and "current" in row:
         limit = "the largest current"
     at = f"Permitted steady slip power at {RPM * summary['slip']:.4g} rpm"
     if row["slip_power"] > 0.0:
-        drive = f"with the coil at its full {'current' if summary['voltage'] is None else 'voltage'}"
-        if "current" in row:
-            drive = f"at {row['current']:.3g} A, the current of that power"
+        full = f"with the coil at its full {'current' if summary['voltage'] is None else 'voltage'}"
+        drive = f"at {row['current']:.3g} A, the current of that power" if "current" in row else full
         ends = [f"{largest[key]:.3g}" for key in ("with_slip_high", "with_slip_low") if key in largest]
         interval = f"; 95 % of the torque: {' to '.join(ends)} A" if ends else ""
         yield note(f"{at}: {row['slip_power']:.3g} W {drive} (limit: {limit}{interval}).")

@@ -206,6 +206,7 @@ def test_the_report_says_the_torque_and_its_ends(tmp_path):
         ({}, False, "✓"),  # switched: on all the time is another duty
         ({"steady": {"surface": 90.0, "coil_hottest": 120.0}}, False, "✓ !"),
         ({"surface_limit_passed_after": 300.0}, True, "! !"),
+        ({"steady": None}, False, "✓ !"),  # its mean power runs away
     ],
 )
 def test_a_duty_below_its_limits_may_be_too_short_to_reach_them(duty, all_the_time, marks):
