@@ -33,6 +33,7 @@ _Capacity = Annotated[
     float, Quantity("a heat capacity", "J/(m^3*K)", "3.5e6 J/(m^3 K)", 0.0, 1e8, open_minimum=True, least=1e-3)
 ]
 _BodyCapacity = Annotated[float, Quantity("a heat capacity of a body", "J/K", "200 J/K", 0.0, 1e8)]
+_Limit = Annotated[float, Quantity("a temperature", "degC", "300 degC", -100.0, 1000.0)]
 _Resistance = Annotated[float, Quantity("a thermal resistance", "m^2*K/W", "1e-4 m^2 K/W", 0.0, 10.0)]
 
 
@@ -259,11 +260,11 @@ class HeatSection(EffectSection):
         default=None, description="measured change with the powder's temperature, instead of the law's"
     )
     duty: DutySection = DutySection()
-    surface_limit: Temperature = Field(default=75.0, description="largest temperature of the outside")
+    surface_limit: _Limit = Field(default=75.0, description="largest temperature of the outside; no limit: '1000 degC'")
     coil_limit: Temperature = Field(
         default=130.0, description="of the winding's hottest place: 105, 130, 155 in classes A, B, F (IEC 60085)"
     )
-    powder_limit: Annotated[float, Quantity("a temperature", "degC", "300 degC", -100.0, 1000.0)] | None = Field(
+    powder_limit: _Limit | None = Field(
         default=None, description="of the powder's hottest place; default: no limit", examples=["300 degC"]
     )
     tolerance: Annotated[float, number("0.1", 1e-6, 10.0)] = Field(

@@ -88,11 +88,10 @@ Tell = Callable[[float, str], None]
 PERMITTED_UNITS = {
     "speed": "rad/s", "rotor_speed": "rad/s", "disc_speed": "rad/s", "film": "W/(m^2 K)", "by_surface": "W",
     "by_coil": "W", "by_powder": "W", "slip_power": "W", "torque": "N m", "powder_hottest": "degC", "current": "A",
-    "torque_of_current": "N m",
 }  # fmt: skip
 """Of permitted.csv: the slip speed, the speeds of both bodies and the rotor's film at it; the slip power up to which
-surface, coil and powder stay below those limits that are given, the smallest, its torque and powder; where the torque
-of all currents is known, the largest current up to the duty's that may flow steadily at that slip, and its torque."""
+surface, coil and powder stay below those limits that are given, the smallest, its torque and powder. Where the torque
+of all currents is known, the current is that of the power, at most the duty's with the coil warm; else the full one."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -282,13 +281,12 @@ class _Study:
         return found
 
     def _row(
-        self, drives: Mapping[Drive, float], temperature: np.ndarray, time: float = 0.0, ripple: Ripple | None = None
-    ) -> dict[str, float]:
+        self, drives: Mapping[Drive, float], temperature: np.ndarray, ripple: Ripple | None = None
+    ) -> dict[str, Any]:
         """Of drives by their share of the time, at temperatures or, with a ripple, at their means over a period."""
         problem, model, means = self.problem, self.model, self.problem.means(temperature)
         powers, _ = self._mean_powers(drives, means)
         row = {
-            "time": time,
             "current": sum(share * model.current(drive, *means) for drive, share in drives.items()),
             "slip_speed": sum(share * drive.slip for drive, share in drives.items()),
             "torque": sum(share * model.torque_of(drive, *means) for drive, share in drives.items()),
@@ -299,7 +297,8 @@ class _Study:
             "powder_mean": means[POWDER],
             **dict(zip(HOTTEST_PLACES, self._hottest(temperature, ripple).max(axis=0), strict=True)),
         }
-        return {key: float(row[key]) for key in UNITS}
+        part, _ = _hottest_surface(problem, temperature)
+        return {key: float(row[key]) for key in UNITS if key in row} | {"surface_part": part}
 
     def _hottest(self, temperature: np.ndarray, ripple: Ripple | None) -> np.ndarray:
         """Temperatures (k, 3) [degrees C] of the `HOTTEST_PLACES` at the times of a ripple."""
@@ -318,10 +317,8 @@ class _Study:
             found = self._solve(self.peak)
         except ThermalRunaway:
             return {"state": f"No steady state: winding above {HOTTEST:g} °C"}, None
-        row = self._row({self.peak: 1.0}, found)
-        del row["time"]
         out = {f"heat_out_{name}": heat for name, heat in self.problem.losses(found).items()}
-        return {"state": "steady", **row, **out}, found
+        return {"state": "steady", **self._row({self.peak: 1.0}, found), **out}, found
 
     def through_the_duty(self, reference: np.ndarray | None) -> tuple[pandas.DataFrame, dict[str, Any], HeatState]:
         """A row a step, what came of it, and the hottest of its states; means over a period of an averaged duty."""
@@ -336,6 +333,11 @@ class _Study:
         table, summary, hottest = self._marched(march, effect.ambient, self._switchings(duty.end), self._row_in_time)
         made, own = summary["heat_of_coil"] + summary["heat_of_slip"], self._heat_of_the_duty(table)
         summary["heat_error"] = (made - own) / own if own > 0.0 else 0.0
+        if duty.period is not None:
+            drives, mean = self._mean_of_the_periods()
+            summary["steady"] = None if mean is None else {}
+            with suppress(HeatNotConverged, ThermalRunaway):  # in which a period does not repeat
+                summary |= {} if mean is None else self._repeated_for_ever(drives, mean, self._ripple(mean))
         return table, summary, hottest
 
     def _cooled_at(self, slips: Iterable[float]) -> HeatProblem:
@@ -356,36 +358,38 @@ class _Study:
         powers = [self._powers_in_time(time, one)[0].sum() for time, one in zip(times.tolist(), at, strict=True)]
         return float(weights @ np.array(powers))
 
-    def _row_in_time(self, temperature: np.ndarray, time: float) -> dict[str, float]:
+    def _row_in_time(self, temperature: np.ndarray, time: float) -> dict[str, Any]:
         before = time - 1e-9 * max(time, 1.0) if time > 0.0 else 0.0  # a source that jumps there has not yet
-        return self._row({self._drive(before): 1.0}, temperature, time)
+        return self._row({self._drive(before): 1.0}, temperature)
 
     def _marched(
         self,
         march: HeatInTime,
         start: np.ndarray | float,
         ends: Sequence[float],
-        row: Callable[[np.ndarray, float], dict[str, float]],
+        row: Callable[[np.ndarray, float], dict[str, Any]],
     ) -> tuple[pandas.DataFrame, dict[str, Any], HeatState]:
         effect = self.scene.effects.thermal
         state = first = hottest = march.start(start)
-        rows = [row(state.temperature, 0.0)]
+        rows = [{"time": 0.0} | row(state.temperature, 0.0)]
         summary: dict[str, Any] = {"state": f"computed to {effect.duty.end:g} s", "end": effect.duty.end}
         try:
             for state in march.run(first, ends):
                 self.tell(0.4 + 0.2 * state.time / effect.duty.end, "temperatures through the duty")
-                rows.append(row(state.temperature, state.time))
+                rows.append({"time": state.time} | row(state.temperature, state.time))
                 hottest = max(hottest, state, key=lambda one: one.temperature.max())
                 if rows[-1]["coil_mean"] > HOTTEST:
                     raise ThermalRunaway
         except ThermalRunaway:
             summary["state"] = f"stopped: winding above {HOTTEST:g} °C after {state.time:.4g} s"
             summary["end"] = state.time
-        table = pandas.DataFrame(rows)
+        table = pandas.DataFrame(rows)[list(UNITS)]
         for key, limit in self.limits.items():
             summary[f"{key}_limit_passed_after"] = _passes(table["time"].to_numpy(), table[key].to_numpy(), limit)
         for key in HOTTEST_PLACES:
             summary |= {f"largest_{key}": float(table[key].max()), f"last_{key}": float(table[key].iloc[-1])}
+        summary["last_surface_part"] = rows[-1]["surface_part"]
+        summary["largest_surface_part"] = max(rows, key=lambda one: one["surface"])["surface_part"]
         stored, made = float(self.problem.heat_content @ (state.temperature - first.temperature)), state.made.sum()
         summary |= {
             "heat_of_coil": float(state.made[COIL]), "heat_of_slip": float(state.made[POWDER]), "heat_out": state.left,
@@ -397,24 +401,16 @@ class _Study:
     def _averaged(self, reference: np.ndarray | None) -> tuple[pandas.DataFrame, dict[str, Any], HeatState]:
         """Through the duty with its mean power, and the ripple about it."""
         effect, problem, duty = self.scene.effects.thermal, self.problem, self.scene.effects.thermal.duty
-        times, weights = self._through_a_period()
-        drives: dict[Drive, float] = {}
-        for time, weight in zip(times, weights, strict=True):
-            drives[self._drive(time)] = drives.get(self._drive(time), 0.0) + weight
+        drives, steady = self._mean_of_the_periods()
         powers = partial(self._mean_powers, drives)
         ends = np.linspace(0.0, duty.end, _ROWS + 1)[1:].tolist()
 
         def through(start: np.ndarray | float, ripple: Ripple | None) -> tuple[Any, dict[str, Any], HeatState]:
             march = HeatInTime(problem, lambda _, means: powers(means), effect.tolerance, reference)
-            return self._marched(march, start, ends, lambda mean, time: self._row(drives, mean, time, ripple))
+            return self._marched(march, start, ends, lambda mean, _: self._row(drives, mean, ripple))
 
-        mean = steady = None
-        with suppress(ThermalRunaway):
-            mean = steady = self._solve(powers)
-        if mean is None:
-            mean = through(effect.ambient, None)[2].temperature  # that runs away
-        cycle = HeatInTime(problem, self._powers_in_time, effect.tolerance, mean)
-        ripple = cycle.ripple(mean, self._switchings(duty.period))
+        mean = through(effect.ambient, None)[2].temperature if steady is None else steady  # or the last that exist
+        ripple = self._ripple(mean)
         # mean and ripple together start at the temperature of the surroundings
         table, summary, hottest = through(effect.ambient - ripple.departures[0], ripple)
         table.loc[0, list(HOTTEST_PLACES)] = effect.ambient
@@ -423,14 +419,26 @@ class _Study:
         summary["ripple"] = dict(zip(HOTTEST_PLACES, map(float, ranges), strict=True))
         summary["steady"] = summary["error_of_the_mean"] = None
         if steady is not None:
-            summary["steady"] = self._row(drives, steady, ripple=ripple)
-            del summary["steady"]["time"]
-            summary["error_of_the_mean"] = self._error_of_the_mean(powers, steady, ripple)
+            summary |= self._repeated_for_ever(drives, steady, ripple)
         return table, summary, hottest
 
-    def _error_of_the_mean(self, powers: Powers, steady: np.ndarray, ripple: Ripple) -> float:
-        """Largest shift [K] of steady temperatures if their equations are those averaged through the ripple, not at
-        its mean; linearised.
+    def _mean_of_the_periods(self) -> tuple[dict[Drive, float], np.ndarray | None]:
+        """Drives by their share of a period, and the steady temperatures of their mean power; None: it runs away."""
+        drives: dict[Drive, float] = {}
+        for time, weight in zip(*self._through_a_period(), strict=True):
+            drives[self._drive(time)] = drives.get(self._drive(time), 0.0) + weight
+        with suppress(ThermalRunaway):
+            return drives, self._solve(partial(self._mean_powers, drives))
+        return drives, None
+
+    def _ripple(self, mean: np.ndarray) -> Ripple:
+        effect = self.scene.effects.thermal
+        cycle = HeatInTime(self.problem, self._powers_in_time, effect.tolerance, mean)
+        return cycle.ripple(mean, self._switchings(effect.duty.period))
+
+    def _repeated_for_ever(self, drives: Mapping[Drive, float], steady: np.ndarray, ripple: Ripple) -> dict[str, Any]:
+        """The row of the duty repeated for ever; and the largest shift [K] of its mean if the equations are those
+        averaged through the ripple, not at its mean; linearised.
         """
         problem, means = self.problem, self.problem.means(steady)
         times, weights = self._through_a_period()
@@ -438,9 +446,10 @@ class _Study:
         through = np.column_stack([np.interp(times, ripple.times, of_source) for of_source in departures.T])
         each = [self._powers_in_time(time, means + one)[0] for time, one in zip(times, through, strict=True)]
         losses = [problem.loss(steady + one) for one in ripple.departures]
-        power, slope = powers(means)
+        power, slope = self._mean_powers(drives, means)
         missed = problem.spread @ (weights @ np.array(each) - power) + problem.loss(steady) - ripple.weights @ losses
-        return float(np.abs(problem.factorised(problem.tangent(steady)).solve(missed, slope)).max())
+        error = float(np.abs(problem.factorised(problem.tangent(steady)).solve(missed, slope)).max())
+        return {"steady": self._row(drives, steady, ripple), "error_of_the_mean": error}
 
     def _through_a_period(self) -> tuple[np.ndarray, np.ndarray]:
         """Times [s] and weights, of sum 1, of a mean over a period."""
@@ -473,60 +482,42 @@ class _Study:
         times = {k * period + cut for k in range(count) for cut in cuts}
         return sorted(time for time in {*times, end} if 0.0 < time <= end)
 
-    @property
-    def _full_current(self) -> float:
-        """Largest current [A] of the duty, with the coil at ambient temperature."""
-        ambient = self.scene.effects.thermal.ambient
-        return abs(self.model.current(replace(self.peak, torque=None), ambient, ambient))
-
     def permitted(self, speeds: Sequence[float]) -> pandas.DataFrame:
-        """A row a slip speed, with the coil at its largest current or voltage, or at the current of the slip power."""
+        """A row a slip speed, at the current of the slip power; else with the coil at its full current or voltage."""
         return pandas.DataFrame([self._permitted_at(speed, n / len(speeds)) for n, speed in enumerate(speeds)])
 
-    def _permitted_at(self, speed: float, share: float) -> dict[str, float]:
+    def _permitted_at(self, speed: float, share: float = 1.0) -> dict[str, float]:
         self.tell(0.6 + 0.2 * share, "permitted slip power")
-        problem, last = self._cooled_at([speed]), None
+        peak, by_law = self.peak, self.torque_summary["of_all_currents"]
+        own, last = replace(self, problem=self._cooled_at([speed])), None
 
-        def at(power: float) -> dict[str, float]:
+        def at(x: float) -> dict[str, float]:
+            """The steady row at a share of the full current or voltage; without a law, at a slip power [W]."""
             nonlocal last
-            drive = replace(self.peak, slip=speed, torque=power / speed)
-            last = self._solve(drive, problem, last)  # sooner from the last
-            return _hottest_places(problem, last)
+            drive = replace(peak, slip=speed, torque=x / speed)
+            if by_law:
+                drive = Drive(None if peak.current is None else x * peak.current, x * peak.voltage, speed)
+            last = own._solve(drive, near=last)  # sooner from the last
+            return own._row({drive: 1.0}, last)
 
-        most, by = inf, {}
-        if self.model.regulates:
-            most = self.model.torque(self._full_current, self.scene.effects.thermal.ambient) * speed
+        reached, rows, most = {}, {}, 1.0 if by_law else inf
         for place, limit in self.limits.items():
-            value = partial(lambda power, place: at(power)[place], place=place)
-            by[f"by_{place.removesuffix('_hottest')}"] = _where_reached(value, limit, _KEYS[place], most)
+            x = _where_reached(partial(lambda place, x: at(x)[place], place), limit, _KEYS[place], most)
+            reached[f"by_{place.removesuffix('_hottest')}"] = x
+            rows[x] = {"slip_power": 0.0, "torque": 0.0, "powder_hottest": float("nan")}
+            with suppress(ThermalRunaway):  # the coil alone is too hot
+                rows[x] = at(x)
         rotor, disc = self.scene.motion.speeds_at_slip(speed)
-        power = min(by.values())
-        row = {"speed": speed, "rotor_speed": rotor, "disc_speed": disc, "film": film_of(self.scene, rotor), **by,
-               "slip_power": power, "torque": power / speed, "powder_hottest": float("nan")}  # fmt: skip
-        with suppress(ThermalRunaway):  # the coil alone is too hot
-            row["powder_hottest"] = at(power)["powder_hottest"]
-        if self.torque_summary["of_all_currents"]:
-            row["current"], row["torque_of_current"] = self.steady_current(problem, speed)
-        return row
-
-    def steady_current(self, problem: HeatProblem, slip: float) -> tuple[float, float]:
-        """Largest current [A], at most the duty's, at which slip [rad/s] all the time keeps the limits; its torque."""
-        ambient, model = self.scene.effects.thermal.ambient, self.model
-
-        def excess(current: float) -> float:
-            found = _hottest_places(problem, self._solve(Drive(current, slip=slip), problem))
-            return max(found[place] - limit for place, limit in self.limits.items())
-
-        current = _where_reached(excess, 0.0, "surface_limit", self._full_current)
-        if current == 0.0:
-            return 0.0, model.torque(0.0, ambient)
-        return current, model.torque(current, problem.means(self._solve(Drive(current, slip=slip), problem))[POWDER])
+        row = {"speed": speed, "rotor_speed": rotor, "disc_speed": disc, "film": film_of(self.scene, rotor)}
+        keys = ["slip_power", "torque", "powder_hottest"] + ["current"] * by_law
+        powers = {by: rows[x]["slip_power"] for by, x in reached.items()}
+        return row | powers | {key: rows[min(rows)][key] for key in keys}
 
     def largest_currents(self) -> dict[str, float]:
         """Steady currents [A] without slip at which the coil reaches its limit, and at which its mean is `HOTTEST`.
 
         Beyond, steady temperatures may exist, of a winding that has burnt. Where the torque of all currents is known,
-        also the `steady_current` with the duty's largest slip, and those of the ends of the torque's 95 % interval.
+        also those permitted at the duty's largest slip by the ends of the torque's 95 % interval.
         """
 
         def with_copper_loss(power: float) -> np.ndarray:
@@ -542,10 +533,9 @@ class _Study:
             "at_the_coil_limit": current_at(limit, lambda found: float(self.problem.largest(found)[COIL])),
             "at_a_mean_of_250_degrees": current_at(HOTTEST, lambda found: float(self.problem.means(found)[COIL])),
         }
-        if self.torque_summary["of_all_currents"]:
-            out["with_slip"], _ = self.steady_current(self.problem, self.peak.slip)
+        if self.torque_summary["of_all_currents"] and self.peak.slip > 0.0:
             for end, by in self.ends.items():
-                out[f"with_slip_{end}"], _ = self.with_torque_times(by).steady_current(self.problem, self.peak.slip)
+                out[f"with_slip_{end}"] = self.with_torque_times(by)._permitted_at(self.peak.slip)["current"]
         return out
 
     def mesh_error(self, temperature: np.ndarray | None) -> dict[str, float] | str:
@@ -565,8 +555,14 @@ class _Study:
 def _hottest_places(problem: HeatProblem, temperature: np.ndarray) -> dict[str, float]:
     """Temperatures [degrees C] of the `HOTTEST_PLACES`; the surface without the shaft's ends."""
     coil, powder = map(float, problem.largest(temperature)[[COIL, POWDER]])
-    surface = max(one for name, one in problem.surface_temperatures(temperature).items() if name != SHAFT_ENDS)
+    _, surface = _hottest_surface(problem, temperature)
     return {"coil_hottest": coil, "powder_hottest": powder, "surface": surface}
+
+
+def _hottest_surface(problem: HeatProblem, temperature: np.ndarray) -> tuple[str, float]:
+    """The body with the hottest place of the outside, without the shaft's ends, and its temperature [degrees C]."""
+    surfaces = problem.surface_temperatures(temperature).items()
+    return max((one for one in surfaces if one[0] != SHAFT_ENDS), key=lambda one: one[1])
 
 
 def _where_reached(value: Callable[[float], float], limit: float, key: str, most: float = inf) -> float:
@@ -594,7 +590,8 @@ def _where_reached(value: Callable[[float], float], limit: float, key: str, most
                 f"effects.heat.{key} = {limit:g} degrees C is reached by no power or current: {_MOST:g} W make "
                 f"{value(_MOST):.4g} degrees C; lower {key}, or convection and shaft_conductance"
             )
-    return brentq(excess, 0.0, high, rtol=1e-6)
+    found = brentq(excess, 0.0, high, rtol=1e-6)
+    return found if excess(found) < MOLTEN else (1.0 - 4e-6) * found  # just below where it runs away
 
 
 def _gauss(edges: Sequence[float] | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -611,4 +608,3 @@ def _passes(time: np.ndarray, value: np.ndarray, limit: float) -> float | None:
         return None
     k = int(np.argmax(value > limit))
     return float(np.interp(limit, value[k - 1 : k + 1], time[k - 1 : k + 1])) if k else 0.0
-

@@ -20,8 +20,7 @@ PERMITTED = {
     "by_powder": "limited by powder [W]",
     "slip_power": "permitted slip power [W]",
     "torque": "torque at that power [N m]",
-    "current": "permitted current [A]",
-    "torque_of_current": "torque at that current [N m]",
+    "current": "current of that power [A]",
 }
 
 
@@ -40,17 +39,16 @@ def heat_report(folder: Path, summary: dict[str, Any], permitted: pandas.DataFra
 def _temperatures(summary: dict[str, Any]) -> Table:
     """Return the temperatures of the steady state and through the duty."""
     steady, duty = summary["steady"], summary["duty"]
-    table = []
-    if "surface" in steady:
-        table.append(("steady, on all the time", *(f"{steady[key]:.1f}" for key in PLACES)))
-    for end, of_end in summary["steady_at_the_ends"].items():
-        values = (f"{of_end[key]:.1f}" if key in of_end else "none" for key in PLACES)
-        table.append((f"steady, {end}est torque (95 %)", *values))
-    end = f"end of the duty, {format_duration(duty['end'])}"
-    for words, prefix in ((end, "last"), ("maximum over the duty", "largest")):
-        table.append((words, *(f"{duty[f'{prefix}_{key}']:.1f}" for key in PLACES)))
+    rows = [("steady, on all the time", steady)] if "surface" in steady else []
+    rows += [(f"steady, {end}est torque (95 %)", row) for end, row in summary["steady_at_the_ends"].items()]
+    ends = (f"end of the duty, {format_duration(duty['end'])}", "last"), ("maximum over the duty", "largest")
+    for words, prefix in ends["ripple" in duty :]:  # the end of an averaged duty is a maximum too
+        rows.append((words, {key: duty[f"{prefix}_{key}"] for key in (*PLACES, "surface_part")}))
     if duty.get("steady"):
-        table.append(("maximum, duty repeated for ever", *(f"{duty['steady'][key]:.1f}" for key in PLACES)))
+        rows.append(("maximum, duty repeated for ever", duty["steady"]))
+    shown = {"surface": "{surface:.1f} ({surface_part})"}
+    table = [(words, *(shown.get(key, f"{{{key}:.1f}}").format(**row) if key in row else "none" for key in PLACES))
+             for words, row in rows]  # fmt: skip
     return Table(table, ("temperature [°C]", *(f"{name}, hottest" for name in PLACES.values())), (1, 2, 3))
 
 
@@ -71,6 +69,8 @@ def _limits(summary: dict[str, Any]) -> Iterator[Statement]:
     if not passed:
         places, given = _joined(PLACES[key] for key in limits), _joined(f"{limit:g} °C" for limit in limits.values())
         yield Statement(Mark.GOOD, f"{places.capitalize()} stay below their limits ({given}) through the duty.")
+    if duty.get("steady", {}) is None:
+        yield warning(f"if the duty went on for ever, the winding would exceed {HOTTEST:g} °C")
     for_ever = duty.get("steady") or (summary["steady"] if summary["on_all_the_time"] else {})
     for key, limit in limits.items():
         if key not in passed and for_ever.get(key, limit) > limit:
@@ -84,12 +84,16 @@ def _permitted_at_the_duty(summary: dict[str, Any], permitted: pandas.DataFrame)
         return
     row = permitted.loc[(permitted["speed"] - summary["slip"]).abs().idxmin()]
     powers = {row[f"by_{PLACES[key]}"]: PLACES[key] for key in summary["limits"]}
-    limit = powers[min(powers)]
-    if "needed_torque" in summary["torque"] and len(powers) == 1 and row["slip_power"] > 0.0:
+    limit, largest = powers[min(powers)], summary["largest_current"]
+    if len(powers) == 1 and "current" in row:
         limit = "the largest current"
     at = f"Permitted steady slip power at {RPM * summary['slip']:.4g} rpm"
     if row["slip_power"] > 0.0:
-        yield note(f"{at}: {row['slip_power']:.3g} W (limit: {limit}).")
+        full = f"with the coil at its full {'current' if summary['voltage'] is None else 'voltage'}"
+        drive = f"at {row['current']:.3g} A, the current of that power" if "current" in row else full
+        ends = [f"{largest[key]:.3g}" for key in ("with_slip_high", "with_slip_low") if key in largest]
+        interval = f"; 95 % of the torque: {' to '.join(ends)} A" if ends else ""
+        yield note(f"{at}: {row['slip_power']:.3g} W {drive} (limit: {limit}{interval}).")
     else:
         yield warning(f"{at}: 0 W; the copper loss alone brings the {limit} to its limit: lower the current")
 
@@ -121,7 +125,8 @@ def _remarks(summary: dict[str, Any], permitted: pandas.DataFrame) -> Iterator[S
                f"{cooling['emissivity']:.3g}, shaft {cooling['shaft_conductance']:.3g} W/K. Vary "
                "effects.heat.convection.")  # fmt: skip
     others = torque["at_other_currents"], torque["at_other_temperatures"]
-    yield note(f"At other currents: {others[0]}. At other temperatures of the powder: {others[1]}.")
+    friction = " The friction of the powder is taken as constant with temperature." * ("the law" in others[1])
+    yield note(f"At other currents: {others[0]}. At other temperatures of the powder: {others[1]}.{friction}")
     if "surface" in steady:
         flows = {key.removeprefix("heat_out_"): heat for key, heat in steady.items() if key.startswith("heat_out_")}
         out = ", ".join(f"{in_words(name)} {heat:.3g} W" for name, heat in flows.items())
@@ -135,22 +140,19 @@ def _remarks(summary: dict[str, Any], permitted: pandas.DataFrame) -> Iterator[S
         yield warning(steady["state"])
         yield note(f"Without slip a steady state exists up to {largest['at_a_mean_of_250_degrees']:.3g} A. Lower "
                    "current or slip power, cool better, or shorten the duty.")  # fmt: skip
-    left = f"{abs(duty['energy_error']):.1e}"
-    yield note(f"Duty: {duty['state']}, {duty['steps']} steps; residual of the energy balance {left}.")
-    if "heat_error" in duty:
-        left = f"{duty['heat_error']:+.1e}"
-        yield note(f"Error of the heat produced, relative to the integral of the duty's power: {left}.")
+    error = f"relative error of the heat {duty['heat_error']:+.1e}, " if "heat_error" in duty else ""
+    yield note(f"Duty: {duty['state']}, {duty['steps']} steps; {error}residual of the energy balance "
+               f"{abs(duty['energy_error']):.1e}.")  # fmt: skip
     if "ripple" in duty:
         yield note(averaging_in_words(duty))
+    elif duty.get("steady"):
+        yield note(f"Error of the maximum of the duty repeated for ever: {duty['error_of_the_mean']:.1g} K.")
+    elif duty.get("steady") == {}:
+        yield note("The state of the duty repeated for ever is not found: raise effects.heat.duty.end.")
     if not permitted[["rotor_speed", "disc_speed"]].to_numpy().any():
         yield note("The permitted slip power is that of bodies cooled as at rest: neither turns in [motion].")
-    coil, hot = f"{largest['at_the_coil_limit']:.3g} A", f"{largest['at_a_mean_of_250_degrees']:.3g} A"
-    hot += f" with a steady state below {HOTTEST:g} °C"
-    yield note(f"Largest current without slip: {coil} at the coil's limit, {hot}.")
-    if "with_slip" in largest:
-        ends = [f"{largest[key]:.3g}" for key in ("with_slip_high", "with_slip_low") if key in largest]
-        interval = f" (95 % of the torque: {' to '.join(ends)} A)" if ends else ""
-        yield note(f"Permitted current with the slip of the duty all the time: {largest['with_slip']:.3g} A{interval}.")
+    yield note(f"Largest current without slip: {largest['at_the_coil_limit']:.3g} A at the coil's limit, "
+               f"{largest['at_a_mean_of_250_degrees']:.3g} A with a steady state below {HOTTEST:g} °C.")  # fmt: skip
     error = summary["error_of_the_mesh"]
     if isinstance(error, dict):
         yield note(f"Error of the mesh in the steady state: {max(map(abs, error.values())):.2g} K.")
@@ -168,5 +170,6 @@ def averaging_in_words(duty: dict[str, Any]) -> str:
     known = "not known, as the mean power has no steady temperatures" if error is None else f"{error:.1g} K"
     return (
         f"The {duty['averaged_periods']:.0f} periods of the duty are averaged: mean power in long steps, one period "
-        f"resolved. Ripple from smallest to largest: {sizes}. Error of the mean by the ripple: {known}."
+        f"resolved. Ripple from smallest to largest: {sizes}. Error of the mean by the ripple: {known}. "
+        "Current, torque and powers in heat.csv are means over a period."
     )

@@ -144,7 +144,7 @@ def test_the_current_of_a_slip_power_is_that_of_the_law_at_the_temperature_of_th
     assert permitted["slip_power"] == min(permitted[f"by_{place}"] for place in ("surface", "coil", "powder"))
     assert permitted["slip_power"] == permitted["by_powder"]
     assert permitted["powder_hottest"] == pytest.approx(60.0, abs=0.01)
-    assert permitted["torque"] == pytest.approx(permitted["torque_of_current"], rel=1e-4)  # both meet the same limit
+    assert permitted["torque"] * 50.0 * RPM == pytest.approx(permitted["slip_power"], rel=1e-9)
     high, low = (own.with_torque_times(by).steady()[0]["current"] for by in (1.1, 0.9))
     assert high < row["current"] < low
 
@@ -160,16 +160,29 @@ def test_a_slip_power_that_cannot_be_is_told(values, words, tmp_path):
         heat(small(**{"effects.heat.slip_power": "20 W"} | values), out=tmp_path / "heat")
 
 
-def test_the_permitted_current_meets_a_limit_with_its_own_torque(study):
-    problem, slip = study.problem, 50.0 * RPM
-    current, torque = study.steady_current(problem, slip)
-    found = problem.steady(lambda means: study.model.powers(type(study.peak)(current, slip=slip), means))
+def test_the_permitted_power_is_that_of_its_current_and_meets_a_limit(study):
+    slip = 50.0 * RPM
+    problem, (row,) = study.problem, study.permitted([slip]).to_dict("records")
+    found = problem.steady(lambda means: study.model.powers(type(study.peak)(row["current"], slip=slip), means))
     places = _hottest_places(problem, found)
     assert max(places["surface"] - 75.0, places["coil_hottest"] - 130.0) == pytest.approx(0.0, abs=0.01)
-    assert torque == pytest.approx(study.model.torque(current, problem.means(found)[POWDER]), rel=1e-9)
-    ends = [study.with_torque_times(by).steady_current(problem, slip)[0] for by in (0.9, 1.1)]
-    assert ends[0] > current > ends[1]
-    assert study.steady_current(problem, 1e-6)[0] <= study.peak.current  # no more than the duty has
+    assert row["torque"] == pytest.approx(study.model.torque(row["current"], problem.means(found)[POWDER]), rel=1e-6)
+    ends = [study.with_torque_times(by).permitted([slip])["current"][0] for by in (0.9, 1.1)]
+    assert ends[0] > row["current"] > ends[1]
+    assert study.permitted([1e-6])["current"][0] <= study.peak.current  # no more than the duty has
+
+
+@pytest.mark.parametrize("slip_power", [None, "1 W"])
+def test_the_warm_coil_at_its_voltage_transmits_the_permitted_power(slip_power):
+    """Limits that are never met: the power is the steady one at U/R(T), less than the cold torque has."""
+    drive = {"coil.current": None, "coil.voltage": "9 V", "coil.resistance": "20 ohm"}
+    limits = {"effects.heat.surface_limit": "1000 degC", "effects.heat.coil_limit": "250 degC"}
+    study = _Study.of(small(**drive | limits | {"effects.heat.slip_power": slip_power}), None)
+    (row,) = study.permitted([50.0 * RPM]).to_dict("records")
+    steady, _ = replace(study, peak=replace(study.peak, torque=None)).steady()
+    assert row["slip_power"] == row["by_surface"] == row["by_coil"] == pytest.approx(steady["slip_power"], rel=1e-6)
+    assert row["current"] * study.model.resistance(steady["coil_mean"]) == pytest.approx(9.0, rel=1e-6)
+    assert row["slip_power"] < 0.95 * study.model.torque(9.0 / study.model.R_20, 20.0) * 50.0 * RPM
 
 
 def test_the_report_says_the_torque_and_its_ends(tmp_path):
@@ -193,6 +206,7 @@ def test_the_report_says_the_torque_and_its_ends(tmp_path):
         ({}, False, "✓"),  # switched: on all the time is another duty
         ({"steady": {"surface": 90.0, "coil_hottest": 120.0}}, False, "✓ !"),
         ({"surface_limit_passed_after": 300.0}, True, "! !"),
+        ({"steady": None}, False, "✓ !"),  # its mean power runs away
     ],
 )
 def test_a_duty_below_its_limits_may_be_too_short_to_reach_them(duty, all_the_time, marks):
