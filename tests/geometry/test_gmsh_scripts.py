@@ -79,6 +79,7 @@ def scene(tmp_path, script):
     data = read_toml(QUICKSTART)
     data["geometry"] = {"kind": "cad", "file": "a.geo", "materials": {"disc": "steel_1010"}}
     data["particles"].pop("region", None)
+    data["motion"] = {"disc": {"speed": "1000 rpm"}}  # the powder lies between disc and housing
     path = tmp_path / "scene.toml"
     path.write_text(tomli_w.dumps(data))
     return path

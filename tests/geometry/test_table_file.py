@@ -50,7 +50,7 @@ def test_a_unit_stands_behind_the_name(tmp_path, head):
         ("x [mm];y [mm]\n0.5;2\n1;10,00,000\n", "line 3: y = '10,00,000' is not a number"),
         ("x [mm], y [mm]\n1,5, 2\n", "line 2 has 3 entries for 2 columns; .*';' where decimals have a comma"),
         ("1018 steel, annealed\nx [mm];y [mm]\n1;2\n", "line 1 names no column of a table; put # in front of a title"),
-        ("x [mm], y\n1, 2\n", "line 1: the column 'y' has no unit; write y .mm."),
+        ("x [mm], y\n1, 2\n", "line 1: the column 'y' has no unit; write the unit of your numbers, e.g. y .m."),
         ("# of a bench\nx [mm], y []\n1, 2\n", "line 2: the column 'y' has no unit"),
         ("x [mm], y [furlong]\n1, 2\n", "'y' is in 'furlong', which is unknown or of another quantity; known: m, cm"),
         ("x [mm], y [Mm]\n1, 2\n", "'y' is in 'Mm', which is unknown or of another quantity; did you mean mm"),
