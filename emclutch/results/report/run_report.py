@@ -145,6 +145,12 @@ def _operating_point(result: Result) -> list[list[str]]:
         found.insert(0, [f"raw {measured_name(result)}", shown])
     if result.steady is not None and result.steady.is_steady and result.best != result.steady:
         found.insert(0, [measured_name(result), format_estimate(result.best)])
+    scene = result.folder.read_scene() if result.folder.case.is_file() else {}
+    effects, friction = scene.get("effects", {}), scene.get("contact", {}).get("friction")
+    if friction is not None:
+        rolling = effects.get("rolling_friction", {}).get("coefficient", 0.0)
+        found.append(["powder, as given", f"friction {friction:.3g}, rolling friction {rolling:.3g}"])
+        found.append(["effects in the run", ", ".join(map(in_words, effects))])
     if steady and (expected := summary.get("expected_torque")):
         low, mean, high = (f"{expected[name]:.2g}" for name in ("low", "mean", "high"))
         found.append(["estimate before the run", f"{mean} N m ({low} to {high}), {expected['law']}"])
