@@ -59,7 +59,7 @@ def test_a_cell_may_hold_a_value_with_its_error(tmp_path, head, sign):
         ("I [A],M [N m],error (95 %) [N m]\n1,2,3\n", "is no standard error .one sigma.; divide its values by 1.96"),
         ("I [A],M [N m],2 sigma [N m]\n1,2,3\n", "is no standard error"),
         ("I [A],M [N m],U (k=2)_err\n1,2,3\n", "is no standard error"),
-        ("I [A],M [N m],relative error\n1,2,3\n", "'relative error' has no unit; write the unit of your numbers, e.g. "),
+        ("I [A],M [N m],relative error\n1,2,3\n", "'relative error' has no unit; write the unit of your"),
         ("I [A],M [N m],std,error\n1,2,3,4\n", "'error' is a second column of errors"),
         ("I [A],error [N m],M [N m]\n1,2,3\n", "follows no measured column"),
         ("I [A],M,error\n1,2,3\n", "has errors but follows no measured column; write the unit of 'M', e.g. 'M .N m"),

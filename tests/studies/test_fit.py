@@ -207,7 +207,7 @@ def test_a_measured_curve_is_read_in_its_units(tmp_path):
     ("text", "says"),
     [
         ("", "has no table"),
-        ("current, torque\n1,2\n", "column 'current' has no unit; write the unit of your numbers, e.g. current [A]"),
+        ("current, torque\n1,2\n", "column 'current' has no unit; write the unit of your numbers"),
         ("current [kg], torque [N m]\n1,2\n", "'kg', which is unknown or of another quantity; known: A"),
         ("current [A], torque [N m]\n1,two\n", "line 2: torque = 'two' is not a number"),
         ("current [A], torque [N m]\n1\n", "line 2 has 1 entries for 2 columns"),
