@@ -82,4 +82,4 @@ def test_a_warm_coil_gives_off_what_it_takes():
     rise = 25.5 * 2.0**2 / (COOLING * surface)
     words = [coil_heat_in_words(GOOD.scene, Wound(winding, TimeProfile.constant(I)), shape) for I in (-2.0, 0.5)]
     assert f"102 W; steady temperature without slip: {float(f'{rise:.2g}'):g} K above the room" in words[0]
-    assert ["short duty" in one for one in words] == [True, False]
+    assert ["overloaded" in "".join(one.warnings) for one in words] == [True, False]
