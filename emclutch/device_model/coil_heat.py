@@ -126,7 +126,6 @@ def coil_heat_in_words(scene, coil: Excitation, shape) -> str:
     text += f"({COOLING:g} W/(m² K) on {1e4 * surface:.3g} cm²)"
     if rise > ABSURD:
         return Decision(text, "copper melts; are current, turns and window in the units that were meant?")
-    if rise > WARM:
-        return Decision(text, f"stands {current:.3g} A for a short time only: it warms by {format_number(rate)} K/s at "
-                        f"first, and would be {format_number(rise)} K above the room in steady state")  # fmt: skip
-    return text
+    hot = f"the coil is overloaded at {current:.3g} A: its copper warms by {format_number(rate)} K/s at first and "
+    hot += f"would reach {format_number(rise)} K above room temperature in steady state; use this current only briefly"
+    return Decision(text, hot if rise > WARM else "")

@@ -106,7 +106,7 @@ def femm_scene(path: Path, stem: str, powder: str | None = None) -> tuple[dict[s
     if powder is not None and reason:
         several = ", ".join(name for name in solid if list(regions.values()).count(name) > 1)
         one = f"; several regions of one material and one group are one part: {several}" if several else ""
-        warnings.warn(f"{reason}, or give what turns another group in FEMM and repeat the command{one}", stacklevel=2)
+        warnings.warn(f"{reason}, or in FEMM give turning parts another group; repeat the command{one}", stacklevel=2)
     if powder is not None and "rotor" not in shape.bodies_at_powder:
         data["motion"] = {"rotor": {"speed": 0.0}, "disc": {"speed": "1000 rpm"}}
     return data, {f"{stem}.brep": drawing, **curves}, list(_notes(shape, model, section, powder))

@@ -117,7 +117,8 @@ class ParticlesSection(Section):
     )
     law: Annotated[str, Choice(("sphere", "thesis"))] = Field(
         default="sphere",
-        description="sphere: demagnetised, in the Lorentz field of its neighbours; thesis: M = chi H",
+        description="sphere: a sphere with its own demagnetising field, in the Lorentz field of its neighbours; "
+        "thesis: M = chi H, without both fields",
     )
 
     @field_validator("packing_file", "powder_law")

@@ -45,9 +45,9 @@ class TimeSection(Section):
     )
     exclude_drift: bool = Field(
         default=True,
-        description="true: with `until` a torque counts as known only if a drift of twice the half width is excluded; "
-        "false: the start-up is over at `average_from`, and only a drift above 0.75 of the target (95 %) leaves the "
-        "torque unknown",
+        description="true: a torque is steady, and a run with `until` reaches its target, only if a drift of twice the "
+        "target is excluded; false: averaging begins at `average_from`, and a drift leaves the torque unknown only if "
+        "it is significantly (95 %) above 0.75 of the target",
     )
 
     @model_validator(mode="after")

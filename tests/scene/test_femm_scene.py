@@ -366,7 +366,7 @@ def test_with_one_group_the_disc_turns_in_the_housing(tmp_path):
 
 def test_powder_between_parts_that_stand_still_is_a_warning(tmp_path):
     text = re.sub(r"\t0\t[12]\t1\t0$", "\t0\t0\t1\t0", str(powder_clutch()), flags=re.MULTILINE)
-    with pytest.warns(UserWarning, match="nothing shears it; give one the body 'disc', or give what turns another"):
+    with pytest.warns(UserWarning, match="nothing shears it; give one the body 'disc', or in FEMM give turning parts"):
         case = load_case(scene_of(tmp_path, text, "Powder"))
     assert any("belong to the housing; nothing shears it" in warning for warning in case.warnings)
 
