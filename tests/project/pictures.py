@@ -98,6 +98,7 @@ def draw(pictures: list[str], reuse: bool = True) -> int:
     """Run the commands of some pictures; the number of those that failed. `reuse`: also runs of an earlier call."""
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     done, failed = set(), 0
+    (ROOT / "runs" / "pictures").mkdir(parents=True, exist_ok=True)
     for name in pictures:
         for command in commands(name):
             if (out := output_folder(command)) is not None:
