@@ -23,11 +23,25 @@ from emclutch.simulation.setting_values import grains_per_gap_of, setting_values
 MAX_REPLICAS = 64  # that a scene may ask for
 SMALLEST = 1e-3  # half width that a run is asked for where nothing is left of the target
 SAFER = 0.95  # half width that is wanted where the scene takes values somewhat coarser than they are
+STRICTER = 0.97, 0.94  # times a target
 MAX_REFUSALS = 6  # of combinations by the scene, after which there is no answer
 
 
 def cheapest_case(case: Case, study: AccuracyStudy, target: float) -> tuple[Choice, Case] | LimitingError:
-    """Return the cheapest settings that the scene takes together, and the case with them; or why there are none."""
+    """Return the cheapest settings that the scene takes together, and the case with them; or why there are none.
+
+    Somewhat stricter targets are tried too: a scene may take their settings as they are, and cheaper ones coarser.
+    """
+    first = cheapest_at(case, study, target)
+    if isinstance(first, LimitingError) and (first.best is None or first.best.half_width > target):
+        return first
+    answers = [first, *(cheapest_at(case, study, one * target) for one in STRICTER)]
+    found = [one for one in answers if not isinstance(one, LimitingError)]
+    return min(found, key=lambda one: one[0].seconds) if found else answers[0]
+
+
+def cheapest_at(case: Case, study: AccuracyStudy, target: float) -> tuple[Choice, Case] | LimitingError:
+    """Return the answer of `cheapest_case` without stricter targets."""
     measured = {one.name for one in study.settings} | set(study.unknown)
     missing = [one.name for one in settings_of(case.scene) if one.name not in measured]
     if missing and not study.unknown:

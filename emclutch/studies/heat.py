@@ -181,7 +181,7 @@ def heat(
         "title": case.scene.scene.title, "units": units, "torque": study.torque_summary, "limits": study.limits,
         "default_limits": [key for key in study.limits if _KEYS[key] not in effect.model_fields_set],
         "voltage": study.peak.voltage if study.peak.current is None and study.peak.torque is None else None,
-        "on_all_the_time": effect.duty.on is None, "slip": own,
+        "on_all_the_time": effect.duty.on is None, "slip": own, "supply_voltage": _supply(case.scene.coil),
         "cooling": {key: getattr(effect, key) for key in ("convection", "emissivity", "shaft_conductance")},
     }  # fmt: skip
 
@@ -550,6 +550,11 @@ class _Study:
             return f"not known: with elements of the next order {error}"
         coarse, fine = _hottest_places(self.problem, temperature), _hottest_places(finer, found)
         return {place: coarse[place] - fine[place] for place in HOTTEST_PLACES}
+
+
+def _supply(coil: Any) -> float | None:
+    """Return the voltage of the supply [V] beside a given current; None without."""
+    return None if coil is None or coil.current is None or coil.voltage is None else coil.voltage.largest
 
 
 def _hottest_places(problem: HeatProblem, temperature: np.ndarray) -> dict[str, float]:

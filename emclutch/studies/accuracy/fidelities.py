@@ -23,11 +23,14 @@ from emclutch.settings import settings_of
 from emclutch.simulation.forecast.expected_field import expected_magnetisation
 from emclutch.simulation.forecast.expected_torque import ExpectedTorque, expected_torque
 from emclutch.simulation.plan import make_plan
-from emclutch.simulation.recommended_case import cheapest_case
+from emclutch.simulation.recommended_case import cheapest_at
 
 COST_FACTOR = 5.0
 """Factor that an estimate of the cost by other devices is uncertain by: for 10 % the plan has 18 s for the quickstart
 by the study of the brake, and 41 s for the brake by its own, and the replicas of their studies took 37 and 178 s."""
+
+PLAN_FACTOR = 2.0
+"""Factor that the planned time of a replica is uncertain by."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +57,7 @@ class TorqueByLaw:
         with bad_input_for(case.path):
             device = build_device(case.scene)
             field, _ = expected_magnetisation(case, device)
-            expected = expected_torque(case.scene, device, field, unknown_powder=False)
+            expected = expected_torque(case.scene, device, field)
         return cls(expected, process_time() - start, f"emclutch check {source or case.path or 'CASE'}")
 
     @property
@@ -68,7 +71,7 @@ class TorqueByLaw:
         text = f"The law of the powder gives {self.expected.in_words().rstrip('.')}"
         if self.half_width is None:
             return f"{text}. It reaches no target."
-        return f"{text} in seconds, without a run: {self.command}"
+        return f"{text}. This takes seconds and no run: {self.command}"
 
     def as_dict(self) -> dict[str, Any]:
         """Return torque [N m], interval, half width and processor time [s] for a report's data."""
@@ -182,7 +185,7 @@ def estimate_by_other_devices(case: Case, target: float, replica_seconds: float,
     settings = {one.name for one in settings_of(case.scene)} | {"inertial_number"}
     for known in known_studies():
         study = replace(known, settings=tuple(one for one in known.settings if one.name in settings))
-        found = cheapest_case(case, study, target)
+        found = cheapest_at(case, study, target)
         if isinstance(found, LimitingError):
             # a combination that reaches the target, but which the scene refuses, says nothing of the errors
             if found.best is not None and found.best.half_width > target:
@@ -196,6 +199,10 @@ def estimate_by_other_devices(case: Case, target: float, replica_seconds: float,
     if costs:
         seconds = [min(one for _, one in costs) / COST_FACTOR, COST_FACTOR * max(one for _, one in costs)]
         words = f"{head}, runs of grains reach it in {' to '.join(map(format_duration, seconds))} of processor time"
+        words += ", after an accuracy study"
+        if missed:
+            name, least, *_ = max(missed, key=lambda one: one[1])
+            words += f"; by that of {name} they reach ± {format_percent(least)} at best"
         values = {"seconds": seconds, "half_width": target, "limit": None, "study_seconds": None}
     elif missed:
         _, half, error, _ = min(missed, key=lambda one: one[1])
@@ -204,7 +211,7 @@ def estimate_by_other_devices(case: Case, target: float, replica_seconds: float,
         worst = max(one[1] for one in missed)
         words = f"{head}, {error.limit}" + (f"; ± {format_percent(worst)} at worst" if worst > half else "")
         if more is not None:
-            ends = dict.fromkeys((times[0], times[-1]))  # once where they are equal
+            ends = times[0] / PLAN_FACTOR, PLAN_FACTOR * times[-1]
             span, wall = (" to ".join(format_duration(one / n) for one in ends) for n in (1, cores))
             words += f". A study of this device takes {span} of processor time ({wall} on {cores} cores)"
             words += ", and may not be enough"
