@@ -62,6 +62,22 @@ class CadShape(AnnularSpaces):
         return frozenset(map(self.body, solid))
 
     @property
+    def regions_on_both_sides(self) -> list[str]:
+        """Regions that border the powder at opposite faces of its gap: they do not shear it, whatever body they are."""
+        edges = [(edge.region, np.sort([edge.start, edge.end], axis=0)) for edge in self.section.powder_outline]
+        found = set()
+        for across, along in ((0, 1), (1, 0)):
+            for region, (low, high) in edges:
+                opposite = [
+                    max(low[along], l[along]) < min(high[along], h[along]) - self.gap
+                    and 0.5 * self.gap < abs(l[across] - low[across]) < 1.5 * self.gap
+                    for other, (l, h) in edges
+                    if other == region and high[across] - low[across] < 0.1 * self.gap
+                ]
+                found |= {region} if any(opposite) else set()
+        return sorted(found - {"air"})
+
+    @property
     def carriers(self) -> frozenset[str]:
         """Bodies that parts belong to which are no bodies of revolution: the field turns with them."""
         return frozenset(self.body(region) for region in self.section.odd)

@@ -238,6 +238,10 @@ class CadGeometry(GeometrySection):
         elif scene.particles is not None and self.shape().bodies_at_powder == {"rotor", "housing"}:
             yield ("geometry.bodies: the torque is measured on the disc, and no part that borders the powder belongs "
                    "to it; give one the body 'disc'")  # fmt: skip
+        for region in self.shape().regions_on_both_sides if scene.particles is not None else ():
+            yield (f"the part {region} is on both sides of the powder's gap and turns as one: the gap between its "
+                   "faces is not sheared, and the expected torque is too large; give what turns and what stands "
+                   "different names (in FEMM: groups)")  # fmt: skip
 
     def why_not_sheared(self, scene: Any) -> str:
         """Return that all walls of the powder are of one body, or that both bodies have one speed."""
