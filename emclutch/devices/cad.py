@@ -238,7 +238,7 @@ class CadGeometry(GeometrySection):
         elif scene.particles is not None and self.shape().bodies_at_powder == {"rotor", "housing"}:
             yield ("geometry.bodies: the torque is measured on the disc, and no part that borders the powder belongs "
                    "to it; give one the body 'disc'")  # fmt: skip
-        for region in self.shape().regions_on_both_sides if scene.particles is not None else ():
+        for region in () if reason or scene.particles is None else self.shape().regions_on_both_sides:
             yield (f"the part {region} is on both sides of the powder's gap and turns as one: the gap between its "
                    "faces is not sheared, and the expected torque is too large; give what turns and what stands "
                    "different names (in FEMM: groups)")  # fmt: skip

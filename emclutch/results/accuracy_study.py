@@ -246,6 +246,8 @@ class AccuracyStudy:
         Those of them that the budget had no room for.
     machine : dict of str to Any
         Processor, cores, versions, date.
+    kind : str
+        `geometry.kind` of the scene; empty: not known.
     """
 
     device: str
@@ -261,6 +263,7 @@ class AccuracyStudy:
     unknown: dict[str, str] = field(default_factory=dict)
     over_budget: Sequence[str] = ()
     machine: dict[str, Any] = field(default_factory=dict)
+    kind: str = ""
 
     def setting(self, name: str) -> MeasuredSetting | None:
         """Return a measured setting; None where it was not measured."""

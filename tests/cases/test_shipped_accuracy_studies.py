@@ -106,6 +106,13 @@ def test_other_devices_estimate_what_grains_will_cost(monkeypatch):
     assert f"reach ± {format_percent(missed['half_width'])} at best, limited by the " in missed["words"]
 
 
+def test_studies_of_the_same_kind_estimate_a_device():
+    """The disc clutch estimates another disc clutch; the two drums do not."""
+    case = load_case(CASES / "disc_clutch.toml", {"geometry.face_gap": "1.1 mm"})
+    estimate = estimate_by_other_devices(case, 0.05, 400.0, 2)
+    assert estimate["devices"] == ["disc_clutch"] and estimate["limit"] == "grains_per_gap"
+
+
 def test_the_inertial_number_counts_where_no_scene_imposes_it(monkeypatch):
     """Coarse grains at the real speed have a larger inertial number than the powder."""
     brake = next(one for one in (AccuracyStudy.from_json(path.read_text()) for path in STUDIES)
@@ -132,7 +139,7 @@ def test_settings_that_a_scene_refuses_estimate_nothing(monkeypatch):
     answers[brake.case] = missed
     again = estimate_by_other_devices(case, 0.1, 30.0, 1)
     assert again | {"words": ""} == reached | {"words": ""} and reached["devices"] == [quickstart.case]
-    assert "by that of powder_clutch they reach ± 22 % at best" in again["words"]
+    assert "With the errors of powder_clutch runs of grains reach ± 22 % at best" in again["words"]
     monkeypatch.setattr(fidelities, "cheapest_at", lambda case, study, target: answers[brake.case])
     answers[brake.case] = LimitingError("field_mesh", None, None, "refused", best)
     assert estimate_by_other_devices(case, 0.1, 30.0, 1) is None

@@ -16,7 +16,7 @@ from emclutch.device_model.device import build_device
 from emclutch.results.accuracy_studies import known_studies
 from emclutch.results.recommended import Choice, LimitingError
 from emclutch.results.report.report import Mark, Statement, note
-from emclutch.results.text import format_duration, format_percent
+from emclutch.results.text import format_cost, format_duration, format_percent
 from emclutch.scene.case import Case
 from emclutch.scene.errors import bad_input_for
 from emclutch.settings import settings_of
@@ -28,9 +28,6 @@ from emclutch.simulation.recommended_case import cheapest_at
 COST_FACTOR = 5.0
 """Factor that an estimate of the cost by other devices is uncertain by: for 10 % the plan has 18 s for the quickstart
 by the study of the brake, and 41 s for the brake by its own, and the replicas of their studies took 37 and 178 s."""
-
-PLAN_FACTOR = 2.0
-"""Factor that the planned time of a replica is uncertain by."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +158,8 @@ def statements_on(answers: Sequence[CheapestAnswer]) -> list[Statement]:
 def estimate_by_other_devices(case: Case, target: float, replica_seconds: float, cores: int) -> dict[str, Any] | None:
     """Return what grains will cost for a half width if a device's errors are those of other devices.
 
-    The settings that the accuracy study of another device recommends are taken, and their cost is that of the plan.
+    Studies of devices of the same `geometry.kind` are taken, or all where there are none. The settings that a study
+    recommends are taken, and their cost is that of the plan.
     Settings that the scene does not have are left out of the study, but not the inertial number: coarse grains have a
     larger one than the real powder at the scene's own speed, too.
 
@@ -177,13 +175,14 @@ def estimate_by_other_devices(case: Case, target: float, replica_seconds: float,
         `devices`: names of the cases whose studies reach the target, or if none does of those that miss it; `seconds`:
         least and most processor time [s] of runs that reach the target, widened by `COST_FACTOR`, None where none of
         these devices reaches it; `half_width`: the least that they have; `limit`: the setting that limits it;
-        `study_seconds`: processor time [s] of an accuracy study that may reach the target, the median of the studies;
+        `study_seconds`: processor time [s] of an accuracy study that may reach the target, the least of the studies;
         `words`: all this without its full stop. None where no study has the settings of the scene, or the scene refuses
         those that reach the target.
     """
     costs, missed = [], []
     settings = {one.name for one in settings_of(case.scene)} | {"inertial_number"}
-    for known in known_studies():
+    others = known_studies()
+    for known in [one for one in others if one.kind == case.scene.geometry.name()] or others:
         study = replace(known, settings=tuple(one for one in known.settings if one.name in settings))
         found = cheapest_at(case, study, target)
         if isinstance(found, LimitingError):
@@ -194,28 +193,25 @@ def estimate_by_other_devices(case: Case, target: float, replica_seconds: float,
         choice, run = found
         cost = make_plan(run)[1].cost
         costs.append((study.case, choice.replicas * (sum(cost.loop.values()) + sum(cost.once.values()))))
-    devices = [name for name, *_ in costs or missed]
-    head = f"By the stud{'y' if len(devices) == 1 else 'ies'} of {', '.join(devices)}"
+    if not costs and not missed:
+        return None
+    words, times = [], []
+    for name, _, error, ratio in missed:
+        text = f"With the errors of {name} {error.limit}"
+        if error.seconds is not None:
+            times.append(ratio * error.seconds)
+            text += f"; a study for less takes at least {format_cost(times[-1], cores)}, and may not be enough"
+        words.append(text)
     if costs:
         seconds = [min(one for _, one in costs) / COST_FACTOR, COST_FACTOR * max(one for _, one in costs)]
-        words = f"{head}, runs of grains reach it in {' to '.join(map(format_duration, seconds))} of processor time"
-        words += ", after an accuracy study"
-        if missed:
-            name, least, *_ = max(missed, key=lambda one: one[1])
-            words += f"; by that of {name} they reach ± {format_percent(least)} at best"
+        span = " to ".join(map(format_duration, seconds))
+        names = " or ".join(name for name, _ in costs)
+        words.insert(0, f"With the errors of {names} runs of grains reach it in {span} of processor time, after an "
+                     "accuracy study")  # fmt: skip
         values = {"seconds": seconds, "half_width": target, "limit": None, "study_seconds": None}
-    elif missed:
-        _, half, error, _ = min(missed, key=lambda one: one[1])
-        times = sorted(ratio * one.seconds for *_, one, ratio in missed if one.seconds is not None)
-        more = times[len(times) // 2] if times else None
-        worst = max(one[1] for one in missed)
-        words = f"{head}, {error.limit}" + (f"; ± {format_percent(worst)} at worst" if worst > half else "")
-        if more is not None:
-            ends = times[0] / PLAN_FACTOR, PLAN_FACTOR * times[-1]
-            span, wall = (" to ".join(format_duration(one / n) for one in ends) for n in (1, cores))
-            words += f". A study of this device takes {span} of processor time ({wall} on {cores} cores)"
-            words += ", and may not be enough"
-        values = {"seconds": None, "half_width": half, "limit": error.setting, "study_seconds": more}
     else:
-        return None
-    return {"devices": devices, **values, "words": f"{words} (estimate)"}
+        _, half, error, _ = min(missed, key=lambda one: one[1])
+        more = min(times, default=None)
+        values = {"seconds": None, "half_width": half, "limit": error.setting, "study_seconds": more}
+    devices = [name for name, *_ in costs or missed]
+    return {"devices": devices, **values, "words": f"{'. '.join(words)} (estimates)"}

@@ -134,6 +134,7 @@ def study_of(found: StudyRuns) -> AccuracyStudy:
         unknown=unknown,
         over_budget=over_budget,
         machine={**found.machine, "jobs": found.jobs, "budget": found.budget, "processor_seconds": round(found.spent)},
+        kind=found.case.scene.geometry.name(),
     )
 
 
