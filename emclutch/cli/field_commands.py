@@ -106,7 +106,7 @@ def materials(
     out: opt.NewPicture = None,
     as_json: opt.AsJson = False,
 ) -> None:
-    """List magnetic materials, B at H and H at B, draw their curves, or the force between two grains."""
+    """List magnetic materials; print B at H or H at B; draw their curves; print the force between two grains."""
     with explained():
         if pair_force:
             refuse_beside("--pair-force", {"--at": at is not None})

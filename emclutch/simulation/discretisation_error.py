@@ -186,7 +186,7 @@ def accuracy_in_words(case: Case, plan: Plan) -> str:
         return f"{target}: {words}"
     total = total_at(study, setting_values(case, plan), plan)
     low, high = (100.0 * end for end in total.whole.interval)
-    text = f"numerical settings change a run's raw torque by {low:+.2g} % to {high:+.2g} % (95 %), which it corrects"
+    text = f"numerical settings change a run's raw torque by {low:+.2g} % to {high:+.2g} % (95 %); it is corrected"
     if total.largest is not None:
         text += f"; largest remaining error: {in_words(total.largest)}, ± {format_percent(total.widths[total.largest])}"
     text += "".join(f"; not included: {in_words(name)} ({why})" for name, why in total.unknown.items())

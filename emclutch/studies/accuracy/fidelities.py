@@ -200,7 +200,7 @@ def estimate_by_other_devices(case: Case, target: float, replica_seconds: float,
         text = f"With the errors of {name} {error.limit}"
         if error.seconds is not None:
             times.append(ratio * error.seconds)
-            text += f"; a study for less takes at least {format_cost(times[-1], cores)}, and may not be enough"
+            text += f"; a study for a smaller error takes at least {format_cost(times[-1], cores)}, and may not be enough"
         words.append(text)
     if costs:
         seconds = [min(one for _, one in costs) / COST_FACTOR, COST_FACTOR * max(one for _, one in costs)]
@@ -214,4 +214,4 @@ def estimate_by_other_devices(case: Case, target: float, replica_seconds: float,
         more = min(times, default=None)
         values = {"seconds": None, "half_width": half, "limit": error.setting, "study_seconds": more}
     devices = [name for name, *_ in costs or missed]
-    return {"devices": devices, **values, "words": f"{'. '.join(words)} (estimates)"}
+    return {"devices": devices, **values, "words": f"{'. '.join(words)} (estimates, within a factor of five)"}
