@@ -200,8 +200,8 @@ def estimate_by_other_devices(case: Case, target: float, replica_seconds: float,
         text = f"With the errors of {name} {error.limit}"
         if error.seconds is not None:
             times.append(ratio * error.seconds)
-            cost = format_cost(times[-1], cores)
-            text += f"; a study for a smaller error takes at least {cost}, and may not be enough"
+            price = format_cost(times[-1], cores)
+            text += f"; a study for a smaller error takes at least {price}, and may not be enough"
         words.append(text)
     if costs:
         seconds = [min(one for _, one in costs) / COST_FACTOR, COST_FACTOR * max(one for _, one in costs)]
