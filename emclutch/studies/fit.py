@@ -395,7 +395,7 @@ def _statements(result: FitResult) -> Iterator[Statement]:
     if fitted.is_poor:
         return
     if measured.error is None:
-        yield note("No test of the fit is possible: the table has no errors.")
+        yield note("No test of the fit is possible: the table has no errors. Add a column error [N m].")
     elif fitted.probability is not None:
         yield note(f"Errors alone cause a misfit this large with a probability of {100.0 * fitted.probability:.2g} %.")
     scene = str(result.folder / "fitted.toml")
@@ -446,6 +446,8 @@ def _of_parameters(result: FitResult) -> Iterator[Statement]:
         else:
             how = f"= {one.value:.3g} (95 %: {low} to {high})"
         yield Statement(Mark.GOOD if all(one.bounded) else Mark.WARNING, f"{one.name} {how}.")
+    yield note("One curve does not separate the fitted values from what is taken as given: other frictions, fill, gap, "
+               "turns and the calibration of the bench.")  # fmt: skip
     if result.own:
         nearest = tuple(np.argmin(abs(of - own)) for of, own in zip(fitted.levels, result.own.values(), strict=True))
         fits = "fit too" if fitted.excess[nearest] <= WITHIN else "do not fit (95 %)"
