@@ -219,7 +219,7 @@ def draw(devices: list[Device], rows: list[Row], path: Path) -> None:
     seconds, half = Combinations(brake_study()).frontier()
     axes.plot(seconds, 100.0 * half, color="C0", lw=5.0, alpha=0.16, drawstyle="steps-post",
               label="brake: best settings")  # fmt: skip
-    names = "formula:\ngaps alone", "formula:\nmagnetic circuit", "law of\nthe powder", "grains"
+    names = "formula:\ngaps", "formula:\ncircuit", "law of\nthe powder", "grains"
     for x, words in zip((*places, 700.0), names, strict=True):
         axes.text(x, 640.0, words, ha="center", va="top", fontsize=10, fontweight="bold")
     axes.set(xscale="log", yscale="log", ylim=(0.25, 700.0), xlim=(2e-4, 3e4),
