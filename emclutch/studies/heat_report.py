@@ -137,7 +137,7 @@ def _remarks(summary: dict[str, Any], permitted: pandas.DataFrame) -> Iterator[S
             drive = f"{summary['voltage']:.3g} V ({drive} through the warm coil)"
         at = f"{drive} with {steady['torque']:.3g} N m, powder at {steady['powder_mean']:.0f} °C"
         yield note(f"Steady state at {at}: {copper} and {slip} flow out through {out}.")
-        supply, needed = summary["supply_voltage"], steady["copper_loss"] / (steady["current"] or math.inf)
+        supply, needed = summary["supply_voltage"], steady["copper_loss"] / (abs(steady["current"]) or math.inf)
         if supply is not None and needed > supply:
             yield warning(f"{drive} through the warm coil needs {needed:.3g} V, more than coil.voltage = {supply:.3g} "
                           "V; for the temperatures at this voltage add --set coil.current=none")  # fmt: skip

@@ -23,22 +23,22 @@ from emclutch.simulation.forecast.expected_torque import Interval
 
 SAME = 1e-9
 """Relative difference of two currents up to which they are one, written in different units."""
-CHANCE, LEAST_TREND = 0.1, 0.06
-"""Probability of a rank correlation by chance below which a ratio has a trend; ln of the change that is one at least,
-twice the scatter about the form of the law."""
+MAX_P_VALUE, MIN_TREND = 0.1, 0.06
+"""A ratio has a trend if the p-value of its rank correlation is below the first, and the ln of its change at least the
+second, which is twice the scatter about the form of the law."""
 
 
 def trend_in_words(name: str, points: Any, shown: Callable[[float], str]) -> str:
     """Say that a ratio of torques changes with the size of the drive, and what to suspect; empty where it does not.
 
-    `points` has drives and ratios (n, 2).
+    `points` has drives [A or V] and ratios (n, 2). The rank correlation is Kendall's tau with |drive|.
     """
     x, ratio = np.reshape(points, (-1, 2)).T
     if len(x) < 2 or ratio.min() <= 0.0:
         return ""
-    x, (tau, chance) = abs(x), kendalltau(abs(x), ratio)
+    x, (tau, p_value) = abs(x), kendalltau(abs(x), ratio)
     low, high = (float(ratio[x == end].mean()) for end in (x.min(), x.max()))
-    if not chance < CHANCE or np.sign(tau) * log(high / low) < LEAST_TREND:  # nan where all drives are one
+    if not p_value < MAX_P_VALUE or np.sign(tau) * log(high / low) < MIN_TREND:  # nan where all drives are one
         return ""
     how, why = ("falls", "drag or remanence") if tau < 0.0 else ("rises", "powder that still gathers")
     ends = f"{low:.3g} at {shown(float(x.min()))} to {high:.3g} at {shown(float(x.max()))}"

@@ -123,7 +123,7 @@ def test_a_machine_is_as_slow_as_the_least_of_its_probes(monkeypatch, tmp_path):
     for damaged in ("", "[3]", '{"a": 1', "null"):
         kept.write_text(damaged)
         assert slowness(0.03) == pytest.approx(0.03)
-    assert slowness(0.04) == pytest.approx(0.03)  # a damaged file is written anew
+    assert slowness(0.04) == pytest.approx(0.03)  # a damaged file is replaced
     assert [slowness(probe, kept / "no folder") for probe in (0.02, 0.03)] == pytest.approx([0.02, 0.03])
     monkeypatch.undo()
     machine_speed.slowness.cache_clear()
