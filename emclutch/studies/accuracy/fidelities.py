@@ -20,7 +20,7 @@ from emclutch.results.text import format_cost, format_duration, format_percent
 from emclutch.scene.case import Case
 from emclutch.scene.errors import bad_input_for
 from emclutch.settings import settings_of
-from emclutch.simulation.forecast.expected_field import expected_magnetisation
+from emclutch.simulation.forecast.expected_field import expected_magnetisation, limits_of
 from emclutch.simulation.forecast.expected_torque import ExpectedTorque, expected_torque
 from emclutch.simulation.plan import make_plan
 from emclutch.simulation.recommended_case import cheapest_at
@@ -41,11 +41,14 @@ class TorqueByLaw:
         Processor time that it took [s].
     command : str
         That prints it.
+    warnings : tuple of str
+        Of `limits_of`.
     """
 
     expected: ExpectedTorque
     seconds: float
     command: str
+    warnings: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, case: Case, source: str | None = None) -> TorqueByLaw:
@@ -55,7 +58,8 @@ class TorqueByLaw:
             device = build_device(case.scene)
             field, _ = expected_magnetisation(case, device)
             expected = expected_torque(case.scene, device, field)
-        return cls(expected, process_time() - start, f"emclutch check {source or case.path or 'CASE'}")
+        command, doubts = f"emclutch check {source or case.path or 'CASE'}", limits_of(case.scene, device, field)
+        return cls(expected, process_time() - start, command, doubts)
 
     @property
     def half_width(self) -> float | None:

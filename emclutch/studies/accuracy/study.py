@@ -262,8 +262,8 @@ def preview(
         )
     known = [] if study is None else [note(own_in_words(study, jobs))]
     without = note(f"Not in any ±: {TAKEN_AS_GIVEN}. Fill: {fill_in_words(base.scene, base.device)}.")
-    doubts = [warning(text) for one in base.scene.effects.present for text in one.limits(base.scene, law.expected.H)]
-    yield _lines({"cheapest": [one.as_dict() for one in answers]}, *known, *statements_on(answers), without, *doubts)
+    yield _lines({"cheapest": [one.as_dict() for one in answers]}, *known, *statements_on(answers), without,
+                 *map(warning, law.warnings))
     if any(one.fidelity != "law" for one in answers):  # else no study is needed
         yield _costs(base, own, measured, first, max(budgets), jobs, progress)
 
