@@ -170,28 +170,27 @@ def seconds_in_words(seconds: float) -> str:
 def table(devices: list[Device], rows: list[Row]) -> list[str]:
     """The lines of the table in Markdown."""
     lines = [
-        "| fidelity | device | torque [N m] | error, compared with the next | processor time |",
-        "|---|---|---|---|---|",
+        "| fidelity | device | torque [N m] | error | error of 16 random devices | processor time |",
+        "|---|---|---|---|---|---|",
     ]
-    kinds = {"brake": ("drum", "16 drums"), "disc clutch": ("disc", "16 disc clutches")}
-    all_ = {one.name: others(rows, kinds[one.name][0]) for one in devices}
+    all_ = {one.name: others(rows, {"brake": "drum", "disc clutch": "disc"}[one.name]) for one in devices}
 
-    def beside(values: np.ndarray, of: Device) -> str:
-        return f"{kinds[of.name][1]}: {100.0 * values.mean():+.0f} ± {100.0 * values.std(ddof=1):.0f} %"
+    def in_percent(error: float, values: np.ndarray) -> str:
+        return f"{100.0 * error:+.0f} % | {100.0 * values.mean():+.0f} ± {100.0 * values.std(ddof=1):.0f} %"
 
     for place, what in enumerate(("formula: gaps alone", "formula: magnetic circuit")):
         for one in devices:
             torque = (one.gaps, one.circuit)[place]
-            error = f"{100.0 * (torque / one.law.mean - 1.0):+.0f} %; {beside(all_[one.name][place], one)}"
+            error = in_percent(torque / one.law.mean - 1.0, all_[one.name][place])
             cost = seconds_in_words(one.seconds[0]) if place else "< 1 ms"
             lines.append(f"| {what} | {one.name} | {torque:.3g} | {error} | {cost} |")
     for one in devices:
-        error = f"{100.0 * (one.law.mean / one.grains[0] - 1.0):+.0f} %; {beside(all_[one.name][2], one)}"
+        error = in_percent(one.law.mean / one.grains[0] - 1.0, all_[one.name][2])
         torque = f"{one.law.mean:.3g} ± {100.0 * one.law_half_width:.2g} %"
         lines.append(f"| law | {one.name} | {torque} | {error} | {seconds_in_words(one.seconds[1])} |")
     for one in devices:
         for what, half, seconds in one.choices:
-            torque, error = f"{one.grains[0]:.3g}", f"± {100.0 * half:.2g} % ({one.inside})"
+            torque, error = f"{one.grains[0]:.3g}", f"± {100.0 * half:.2g} % ({one.inside}) |"
             lines.append(f"| grains, {what} | {one.name} | {torque} | {error} | {format_duration(seconds)} |")
     return lines
 

@@ -49,8 +49,8 @@ def test_the_page_has_the_answers_of_this_version(path, monkeypatch, tmp_path):
     for target in (0.10, 0.05, 0.03):
         answer = cheapest_case(case, study, target)
         if isinstance(answer, LimitingError):
-            row = re.search(rf"^\| (.*) \| {re.escape(answer.in_words())} \|", page, re.MULTILINE)
-            assert row and format_percent(target) in row[1].split(" and ")  # equal answers share a row
+            line = re.search(rf"^- \*\*(.*)\*\*: {re.escape(answer.in_words())}\.", page, re.MULTILINE)
+            assert line and f"± {format_percent(target)}" in line[1].split(" and ")  # equal answers share a line
         else:
             values, replicas = changes_in_words(study, answer[0]) or "none", answer[0].replicas
             assert f"| {format_percent(target)} | {values} | {replicas} |" in page
