@@ -93,8 +93,8 @@ def tables() -> str:
     """The page's tables."""
     measured = brakes()
     lines = [
-        "Exponent d ln T/d ln I in three ranges of the current; range and offset of the straight part "
-        "T = slope (I - offset). Currents are divided by the rated current. ± is one standard error:",
+        "The exponent is d ln T/d ln I. The straight part is T = slope (I - offset). Currents are divided by the rated "
+        "current. ± is one standard error:",
         "",
         "| branch | "
         + " | ".join(f"{100 * low:.0f} to {100 * high:.0f} %" for low, high in RANGES)
