@@ -116,8 +116,8 @@ def tables() -> str:
         rising, falling = (np.interp(SHARES, *measured[f"{brake} {way}"].T) for way in ("rising", "falling"))
         lines.append(f"| {brake} | " + " | ".join(f"{ratio:.2f}" for ratio in falling / rising) + " |")
     names = [name for name in measured if not name.startswith("B5ZD")]
-    head = ["current", "emclutch, law", "runs", *names]
-    lines += ["", "Torque divided by that at the rated current (brakes: interpolated):", ""]
+    head = ["current / rated", "law of the powder", "runs", *names]
+    lines += ["", "Torque divided by that at the rated current. The brakes are interpolated:", ""]
     lines += ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     torque, (current, of_run, _) = dict(of_law()), runs().T
     rated = of_run[current == RATED].item()
