@@ -265,16 +265,15 @@ def misfit(rows: list[Row]) -> np.ndarray:
 
 def print_table(rows: list[Row]) -> None:
     """Print the lines as Markdown, and how many lie in their interval."""
-    print("| device | friction, rolling friction, susceptibility | grains per gap | fill, fill between the poles "
+    print("| device | friction, rolling friction, susceptibility | grains per gap "
           "| run [N m] | predicted [N m] | run/predicted |")  # fmt: skip
-    print("|---|---|---|---|---|---|---|")
+    print("|---|---|---|---|---|---|")
     for row, miss, _, half in zip(rows, *misfit(rows), strict=True):
         powder = ", ".join(f"{row[name]}" for name in ("friction", "rolling_friction", "susceptibility") if row[name])
         run, error, law = (float(row[name]) for name in ("torque", "standard_error", "predicted"))
         outside = " **outside**" if abs(miss) > NORMAL * half else ""
         print(f"| {row['name']}, {row['base']} | {powder} | {float(row['across']):.3g} | ", end="")
-        fill = ", ".join(f"{float(row[name]):.3f}" for name in ("nominal_fill", "zone_fill") if row[name])
-        print(f"{fill} | {run:.4g} ± {NORMAL * error:.1g} | ", end="")
+        print(f"{run:.4g} ± {NORMAL * error:.1g} | ", end="")
         print(f"{law:.4g} ± {100.0 * np.expm1(NORMAL * half):.0f} % | {np.exp(miss):.3f}{outside} |")
     for use in dict.fromkeys(row["use"] for row in rows):
         miss, _, half = misfit([row for row in rows if row["use"] == use])
