@@ -35,6 +35,39 @@ _CLOSE = 1e-8  # m; ends of edges that are one corner
 
 
 @dataclass(frozen=True, slots=True)
+class FacingPart:
+    """Part of the powder's space between two parallel faces, with the regions behind the lower and the upper one.
+
+    `radial` where its width is along r.
+    """
+
+    box: AnnularBox
+    radial: bool
+    regions: tuple[str, str]
+
+    @property
+    def width(self) -> float:
+        """Of the gap [m]."""
+        return self.box.r1 - self.box.r0 if self.radial else self.box.z1 - self.box.z0
+
+    @property
+    def area(self) -> float:
+        """In the middle of the gap [m^2]."""
+        return self.box.volume() / self.width
+
+    @property
+    def radius(self) -> float:
+        """Mean lever of a stress there [m]."""
+        r0, r1 = self.box.r0, self.box.r1
+        return 0.5 * (r0 + r1) if self.radial else 2.0 / 3.0 * (r1**3 - r0**3) / (r1**2 - r0**2)
+
+
+def mean_radius(parts: Sequence[FacingPart]) -> float:
+    """Mean lever [m] of a stress that is the same in all parts."""
+    return sum(part.area * part.radius for part in parts) / sum(part.area for part in parts)
+
+
+@dataclass(frozen=True, slots=True)
 class CadShape(AnnularSpaces):
     """Walls and boxes of a device from CAD.
 
@@ -61,21 +94,44 @@ class CadShape(AnnularSpaces):
         solid = {edge.region for edge in self.section.powder_outline} - ({"air"} - self.bodies.keys())
         return frozenset(map(self.body, solid))
 
-    @property
-    def regions_on_both_sides(self) -> list[str]:
-        """Regions that border the powder at opposite faces of its gap: they do not shear it, whatever body they are."""
-        edges = [(edge.region, np.sort([edge.start, edge.end], axis=0)) for edge in self.section.powder_outline]
-        found = set()
-        for across, along in ((0, 1), (1, 0)):
-            for region, (low, high) in edges:
-                opposite = [
-                    max(low[along], l[along]) < min(high[along], h[along]) - self.gap
-                    and 0.5 * self.gap < abs(l[across] - low[across]) < 1.5 * self.gap
-                    for other, (l, h) in edges
-                    if other == region and high[across] - low[across] < 0.1 * self.gap
-                ]
-                found |= {region} if any(opposite) else set()
-        return sorted(found - {"air"})
+    def facing_parts(self) -> list[FacingPart]:
+        """Thin parts of the powder's space, each with one region at each of its two faces.
+
+        They are cut where the region of a face ends. A part that is open to further powder at a face is left out.
+        """
+        found = []
+        for box in self.fill_boxes().values():
+            size = np.array([box.r1 - box.r0, box.z1 - box.z0])
+            across = int(np.argmin(size))
+            if size[across] >= 1.5 * self.gap:
+                continue
+            low, high = np.array([box.r0, box.z0]), np.array([box.r1, box.z1])
+            faces = [self._face(across, at[across], low[1 - across], high[1 - across]) for at in (low, high)]
+            cuts = _distinct([end for face in faces for piece in face for end in piece[:2]])
+            for start, end in pairwise(cuts):
+                middle = 0.5 * (start + end)
+                regions = [next((of for a, b, of in face if a < middle < b), "") for face in faces]
+                if all(regions):
+                    r, z = ((box.r0, box.r1), (start, end)) if across == 0 else ((start, end), (box.z0, box.z1))
+                    found.append(FacingPart(AnnularBox(*r, *z), across == 0, (regions[0], regions[1])))
+        return found
+
+    def _face(self, across: int, at: float, low: float, high: float) -> list[tuple[float, float, str]]:
+        """Pieces (start, end, region) of the powder's outline on a face, the coordinate `across` being `at` there."""
+        found = []
+        for edge in self.section.powder_outline:
+            ends = np.array([edge.start, edge.end])
+            start, end = np.clip(np.sort(ends[:, 1 - across]), low, high)
+            if np.abs(ends[:, across] - at).max() < _CLOSE < end - start:
+                found.append((float(start), float(end), edge.region))
+        return found
+
+    def sheared_parts(self) -> list[FacingPart]:
+        """Those between two bodies, one of which is the disc where it is at the powder at all."""
+        disc = {"disc"} & self.bodies_at_powder
+        solid = [part for part in self.facing_parts() if "air" not in part.regions or "air" in self.bodies]
+        bodies = [set(map(self.body, part.regions)) for part in solid]
+        return [part for part, of in zip(solid, bodies, strict=True) if len(of) == 2 and disc <= of]
 
     @property
     def carriers(self) -> frozenset[str]:
@@ -89,7 +145,13 @@ class CadShape(AnnularSpaces):
 
     @property
     def mean_gap_radius(self) -> float:
-        """Radius [m] in the middle of the gap: halfway between the disc's outermost wall and what faces it."""
+        """Mean radius [m] of the sheared gaps along r or along z, of those with the greater area.
+
+        Without a sheared gap: halfway between the disc's outermost wall and what faces it.
+        """
+        if sheared := self.sheared_parts():
+            ways = ([part for part in sheared if part.radial == radial] for radial in (True, False))
+            return mean_radius(max(ways, key=lambda parts: sum(part.area for part in parts)))
         disc = [
             max(edge.start[0], edge.end[0]) for edge in self.section.powder_outline if self.body(edge.region) == "disc"
         ]
@@ -110,14 +172,8 @@ class CadShape(AnnularSpaces):
         return ShearedGap(self.mean_gap_radius, self.gap, self.gap)
 
     def gap_parts(self, boxes: Sequence[AnnularBox]) -> list[tuple[AnnularBox, bool]]:
-        """Those filled parts, of `boxes`, that lie between the shafts, and whether the gap's width is along r.
-
-        None where all walls belong to one body.
-        """
-        if len(self.bodies_at_powder) < 2:
-            return []
-        sizes = [(box, box.r1 - box.r0, box.z1 - box.z0) for box in boxes]
-        return [(box, along_r < along_z) for box, along_r, along_z in sizes if min(along_r, along_z) < 1.5 * self.gap]
+        """`sheared_parts`, and whether the gap's width is along r: a drawing is filled as a whole."""
+        return [(part.box, part.radial) for part in self.sheared_parts()]
 
     @property
     def coil_area(self) -> float:
@@ -128,6 +184,10 @@ class CadShape(AnnularSpaces):
     def coil_mean_radius(self) -> float:
         """Mean radius of the winding [m]: a mean turn is 2 pi times as long."""
         return sum(part.size * part.radius for part in self.section.parts if part.region == "coil") / self.coil_area
+
+    def pole_parts(self) -> list[FacingPart]:
+        """Sheared parts with steel at both faces."""
+        return [part for part in self.sheared_parts() if self.magnetic.issuperset(part.regions)]
 
     @property
     def ring_width(self) -> float:

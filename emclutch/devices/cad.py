@@ -22,6 +22,7 @@ from emclutch.scene.units import number
 
 if TYPE_CHECKING:
     from emclutch.device_model.device_3d import Solid
+    from emclutch.device_model.pole_zone import PoleZone
     from emclutch.scene.materials import Material
     from geometry.cad_meshing import CadSection
     from geometry.cad_shape import CadShape
@@ -238,11 +239,6 @@ class CadGeometry(GeometrySection):
         elif scene.particles is not None and self.shape().bodies_at_powder == {"rotor", "housing"}:
             yield ("geometry.bodies: the torque is measured on the disc, and no part that borders the powder belongs "
                    "to it; give one the body 'disc'")  # fmt: skip
-        for region in () if reason or scene.particles is None else self.shape().regions_on_both_sides:
-            yield (f"the part {region} is on both sides of the powder's gap and turns as one: the gap between its "
-                   "faces is not sheared, and the expected torque is too large; give what turns and what stands "
-                   "different names (in FEMM: groups)")  # fmt: skip
-
     def why_not_sheared(self, scene: Any) -> str:
         """Return that all walls of the powder are of one body, or that both bodies have one speed."""
         bodies = sorted(self.shape().bodies_at_powder)
@@ -270,6 +266,16 @@ class CadGeometry(GeometrySection):
     def shaft_at_powder(self) -> str:
         """The disc where the powder lies between it and the housing."""
         return "disc" if self.shape().bodies_at_powder == {"disc", "housing"} else "rotor"
+
+    def pole_zone(self, shape: CadShape, region: str) -> PoleZone | None:
+        """The gaps between steel of two bodies; None without, and where their widths differ by more than 5 %."""
+        from emclutch.device_model.pole_zone import PoleZone
+        from geometry.cad_shape import mean_radius
+
+        parts = shape.pole_parts()
+        if not parts or max(part.width for part in parts) > 1.05 * min(part.width for part in parts):
+            return None
+        return PoleZone(tuple(part.box for part in parts), sum(part.area for part in parts), mean_radius(parts))
 
     def bodies_in_words(self, scene: Any) -> str:
         """Return each body with its speed and parts, and between which bodies the powder lies."""

@@ -82,3 +82,31 @@ def test_a_powder_that_is_no_set_of_rectangles_is_reported(tmp_path):
     assert "runs obliquely" in shape.faults()[0].message
     path = write_polygons(tmp_path / "b.step", {"coil": [rectangle(0.02, 0.03, 0, 0.01)]})
     assert "no part of the file is the powder" in CadShape(cad_section(path)).faults()[0].message
+
+
+def test_a_gap_is_sheared_where_its_faces_are_of_two_bodies(tmp_path):
+    """Faces along r and along z, cut where a part of a face ends; steel at both makes them poles."""
+    powder = np.array([(24, -8), (26, -8), (26, 10), (10, 10), (10, 8), (24, 8)]) * 1e-3  # at the rim and a face
+    shapes = {"powder": [powder], "disc": [rectangle(0.01, 0.024, -0.008, 0.008)],
+              "rotor": [rectangle(0.026, 0.03, -0.008, 0.0)], "ring": [rectangle(0.026, 0.03, 0.0, 0.01)],
+              "cover": [rectangle(0.01, 0.03, 0.01, 0.014)]}  # fmt: skip
+    section = cad_section(write_polygons(tmp_path / "a.step", shapes))
+    steel = frozenset({"disc", "rotor", "cover"})
+
+    def parts(found):
+        return {(*np.round([1e3 * x for x in (p.box.r0, p.box.r1, p.box.z0, p.box.z1)], 6), p.regions) for p in found}
+
+    rim = {(24, 26, -8, 0, ("disc", "rotor")), (24, 26, 0, 8, ("disc", "ring"))}
+    face = {(10, 24, 8, 10, ("disc", "cover"))}
+    shape = CadShape(section, magnetic=steel)
+    assert parts(shape.sheared_parts()) == rim | face and sum(part.radial for part in shape.sheared_parts()) == 2
+    assert parts(shape.pole_parts()) == {part for part in rim | face if "ring" not in part[-1]}
+    (on_face,) = (part for part in shape.sheared_parts() if not part.radial)
+    assert on_face.area == pytest.approx(math.pi * (0.024**2 - 0.01**2))
+    torque = 2.0 / 3.0 * math.pi * (0.024**3 - 0.01**3)  # of a unit of stress: integral of r dA
+    assert on_face.area * on_face.radius == pytest.approx(torque)
+    turned = CadShape(section, bodies={"ring": "disc", "cover": "disc"}, magnetic=steel)
+    assert parts(turned.sheared_parts()) == {(24, 26, -8, 0, ("disc", "rotor"))}
+    assert not CadShape(section, bodies={"disc": "rotor"}).sheared_parts()
+    between = CadShape(section, bodies={"disc": "housing", "ring": "disc"})  # the torque is measured on the disc
+    assert parts(between.sheared_parts()) == {(24, 26, 0, 8, ("disc", "ring"))}

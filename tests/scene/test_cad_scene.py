@@ -43,6 +43,32 @@ def written(folder, data, name="scene.toml", **geometry):
     return path
 
 
+@pytest.fixture(scope="module")
+def drawn_poles(drawn):
+    """The same with powder between the poles alone; the rest of the cavity is air."""
+    folder, data = drawn
+    device = build_device(load_case(QUICKSTART).scene)
+    boxes = [rectangle(box.r0, box.r1, box.z0, box.z1) for box in device.filled_boxes]
+    write_polygons(folder / "poles.step", {**device.shape.section_polygons(), "powder": boxes})
+    return folder, {**data, "geometry": {**data["geometry"], "file": "poles.step"}}
+
+
+@pytest.mark.physics
+def test_the_law_gives_a_drawn_device_the_torque_of_its_kind(drawn, drawn_poles):
+    """Two meshes of one device; its ends are walls, so powder that nearly jams does not leave the poles."""
+    loose, full = ({"particles.solid_fraction": fill} for fill in (0.3, 0.45))
+    poles, whole = written(*drawn_poles, name="poles.toml"), written(*drawn)
+    cad, parametric, jammed, spilt, cavity = (
+        emclutch.check(load_case(path, fill)).expected
+        for path, fill in ((poles, loose), (QUICKSTART, loose), (poles, full), (QUICKSTART, full), (whole, loose))
+    )  # fmt: skip
+    assert not cad.real.is_guess and cad.law == parametric.law
+    assert cad.real.mean == pytest.approx(parametric.real.mean, rel=0.02)
+    assert cad.real.high / cad.real.mean == pytest.approx(parametric.real.high / parametric.real.mean, rel=0.02)
+    assert jammed.real.mean > 1.05 * spilt.real.mean
+    assert cavity.real.is_guess and "of its powder is between steel faces of two bodies" in cavity.law
+
+
 def test_a_device_from_cad_is_the_parametric_one(drawn):
     cad = load_case(written(*drawn))
     parametric = load_case(QUICKSTART).with_values({"particles.region": "cavity"})

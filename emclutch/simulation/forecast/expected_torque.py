@@ -266,6 +266,8 @@ def expected_torque(
     sampled, reason = _sampled(device, field), scene.geometry.why_not_sheared(scene)
     if reason and (scene.motion.largest_slip > 0.0 or not device.shape.gap_parts(device.filled_boxes)):
         return ExpectedTorque(Interval(0.0, 0.0, 0.0), reason)
+    if scene.geometry.is_from_file and sheared_zone(device) is None:
+        return ExpectedTorque(None, "the drawing has no gap of powder between faces of two bodies (geometry.bodies)")
     if sampled is None:
         return _friction(scene, device)
     zone, H, grad_H = sampled
@@ -306,6 +308,9 @@ SPREAD = 0.05
 """Standard error of the logarithm of the torque where sizes differ: cells with diameters of 1 to 3 have 5 to 9 %
 more."""
 
+OUTSIDE = 0.02
+"""Part of the powder's space that may be outside of the poles where it is filled as a whole."""
+
 BEYOND = 0.2
 """Torque of the powder beyond the edges, over that of the same volume between the poles."""
 
@@ -313,10 +318,11 @@ BEYOND = 0.2
 def open_edges(device: Device) -> float:
     """Length of the edges of a pole over its area [1/m]: of those over which powder leaves; 0 without poles.
 
-    At the rim both edges of each pole; of the faces of a disc the outer one, since the seal closes the inner one.
+    At the rim both edges of each pole; of the faces of a disc the outer one, since the seal closes the inner one. None
+    where the whole space is filled.
     """
     zone = device.pole_zone
-    if zone is None:
+    if zone is None or device.region not in ("poles", "faces"):
         return 0.0
     box = zone.boxes[0]
     if device.shears_faces:
@@ -346,7 +352,10 @@ def fill_between_poles(
 
 def between_poles(device: Device) -> bool:
     """Whether all of the powder begins between pole faces."""
-    return device.pole_zone is not None and device.region in ("poles", "faces")
+    zone = device.pole_zone
+    if zone is None:
+        return False
+    return device.region in ("poles", "faces") or zone.volume > (1.0 - OUTSIDE) * device.fill.volume
 
 
 @dataclass(frozen=True, slots=True)
@@ -606,15 +615,13 @@ def _outside_of_cells(scene, device: Device) -> Iterator[str]:
         yield "its field is solved without powder ([effects.back_reaction])"
     if device.coil is not None and device.section_coil is None:
         yield "it has slots"
-    if scene.geometry.is_from_file:
-        yield (
-            "for a drawn device the program does not know which faces shear the powder (better: run the grains, or "
-            "enter the dimensions with emclutch new --kind drum or disc)"
-        )
-    elif device.pole_zone is None:
-        yield "it has no pole faces"
+    drawn = scene.geometry.is_from_file
+    if device.pole_zone is None:
+        gaps = "gaps of one width between steel faces of two bodies" if drawn else "pole faces"
+        yield f"it has no {gaps}"
     elif not between_poles(device):
-        yield 'its powder does not begin between the poles (particles.region = "poles", or "faces")'
+        part = f"{device.pole_zone.volume / device.fill.volume:.0%} of its powder is between steel faces of two bodies"
+        yield part if drawn else 'its powder does not begin between the poles (particles.region = "poles", or "faces")'
     if device.surfaces:
         yield "it has surfaces from files"
     for one in effects.present:
