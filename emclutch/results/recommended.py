@@ -134,8 +134,6 @@ class LimitingError:
     finer : float or None
         Value of the setting that such a study measures besides. `seconds` is then a lower bound, since the remaining
         error is not known before.
-    same_to : float or None
-        Least target for which such a study takes as long, as that value takes it and not noise.
     needs_budget : bool
         Whether it was not measured for want of budget.
     """
@@ -146,7 +144,6 @@ class LimitingError:
     reason: str = ""
     best: Choice | None = None
     finer: float | None = None
-    same_to: float | None = None
     needs_budget: bool = False
 
     @property
@@ -168,10 +165,8 @@ class LimitingError:
         cost = format_cost(self.seconds, cores)
         if self.finer is None:
             return f"{text}. A longer study of about {cost} may reach it"
-        text += f". A study with {in_words(self.setting)} {self.finer:.3g} takes at least {cost}, and may not be enough"
-        if self.same_to is None:
-            return text
-        return f"{text}. This holds for all targets down to ± {format_percent(self.same_to)}"
+        finer = f"{in_words(self.setting)} {self.finer:.3g}"
+        return f"{text}. A study with {finer} takes at least {cost}, and may not be enough"
 
     def budget(self, jobs: int, least: float = 0.0) -> float | None:
         """Return the wall-clock time [s] to give a study that may help, `least` [s] or more; None where none does."""
@@ -344,10 +339,9 @@ def limiting_error(study: AccuracyStudy, target: float) -> LimitingError:
     if with_finer is None:
         return LimitingError(setting, best.parts[setting], None, best=best)
     finer, seconds = with_finer
-    same_to: float | None = noise * math.sqrt(_spent(study) / seconds)  # its noise alone must come below the target
-    if same_to is not None and target < same_to:
-        seconds, same_to = seconds * (same_to / target) ** 2, None
-    return LimitingError(setting, best.parts[setting], seconds, best=best, finer=finer, same_to=same_to)
+    least = noise * math.sqrt(_spent(study) / seconds)  # its noise alone must come below the target
+    seconds *= max(1.0, least / target) ** 2
+    return LimitingError(setting, best.parts[setting], seconds, best=best, finer=finer)
 
 
 def _with_finer_value(study: AccuracyStudy, setting: MeasuredSetting | None) -> tuple[float, float] | None:

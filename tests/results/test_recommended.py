@@ -139,9 +139,8 @@ def test_where_the_law_is_what_is_not_known_a_longer_study_measures_a_finer_sett
     found, closer = recommended(left, 0.05), recommended(left, 0.005)
     assert found.seconds == pytest.approx(spent + 2 * 80.0) and "at least" in found.in_words()
     assert found.finer == 9.0 and "with grains 9 takes at least" in found.in_words()
-    spared = recommended(left, 1.01 * found.same_to)
-    assert (spared.seconds, spared.same_to) == (found.seconds, found.same_to) and closer.same_to is None
-    assert recommended(left, 0.99 * found.same_to).seconds > found.seconds
+    least = closer.best.total.noise * math.sqrt(spent / found.seconds)
+    assert recommended(left, 1.01 * least).seconds == found.seconds < recommended(left, 0.99 * least).seconds
     assert closer.seconds == pytest.approx(spent * (closer.best.total.noise / 0.005) ** 2)  # the noise must fall too
 
 

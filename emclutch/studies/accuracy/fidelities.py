@@ -154,7 +154,8 @@ def statements_on(answers: Sequence[CheapestAnswer]) -> list[Statement]:
     for words, some in groups.items():
         text = f"± {', '.join(format_percent(one.target) for one in some)}: {words}"
         last = some[-1]
-        text += f": {last.command}" if last.command and (last.fidelity != "law" or "grains" in last.as_dict()) else "."
+        has_command = last.command and (last.fidelity != "law" or "grains" in last.as_dict())
+        text += f". Command: {last.command}" if has_command else "."
         found.append(note(text) if last.fidelity else Statement(Mark.WARNING, text))
     return found
 
