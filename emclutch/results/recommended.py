@@ -171,7 +171,7 @@ class LimitingError:
         text += f". A study with {in_words(self.setting)} {self.finer:.3g} takes at least {cost}, and may not be enough"
         if self.same_to is None:
             return text
-        return f"{text}. Targets down to ± {format_percent(self.same_to)} need no longer study"
+        return f"{text}. The same study serves targets down to ± {format_percent(self.same_to)}"
 
     def budget(self, jobs: int, least: float = 0.0) -> float | None:
         """Return the wall-clock time [s] to give a study that may help, `least` [s] or more; None where none does."""

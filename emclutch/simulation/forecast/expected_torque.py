@@ -241,7 +241,7 @@ class ExpectedTorque:
         text = self.real.in_words()
         if self.unknown_powder is not None:
             between = format_range(*self.unknown_powder)
-            text += f"; if friction and fill of the powder were unknown: {between} N m (90 % range)"
+            text += f". If friction and fill of the powder were unknown: {between} N m (90 % range)"
         if self.real.mean == 0.0:
             return f"{text}. {self.law}"
         return f"{text}. {sentence(self.law)}" if self.real.is_guess else text
@@ -411,7 +411,7 @@ class _Sheared:
             law += ", interpolated between simulated powders"
         doubts = [*self.doubts, *found.doubts]
         if doubts:
-            law = f"guess by {law}: {'; '.join(doubts)}"
+            law = f"guess by {law}. Outside of its range: {'; '.join(doubts)}"
         return ExpectedTorque(
             found.interval(self.doubts, self._most),
             law,
@@ -601,25 +601,25 @@ def _outside_of_cells(scene, device: Device) -> Iterator[str]:
     """What a device has that no gap cell has."""
     effects = scene.effects
     if effects.images is None:
-        yield "it has no images in steel walls ([effects.wall_images])"
+        yield "no images in steel walls ([effects.wall_images])"
     if device.coil is not None and effects.feedback is None:
-        yield "its field is solved without powder ([effects.back_reaction])"
+        yield "field solved without powder ([effects.back_reaction])"
     if device.coil is not None and device.section_coil is None:
-        yield "it has slots"
+        yield "slots"
     if scene.geometry.is_from_file:
         yield (
             "for a drawn device the program does not know which faces shear the powder (better: run the grains, or "
             "enter the dimensions with emclutch new --kind drum or disc)"
         )
     elif device.pole_zone is None:
-        yield "it has no pole faces"
+        yield "no pole faces"
     elif not between_poles(device):
-        yield 'its powder does not begin between the poles (particles.region = "poles", or "faces")'
+        yield 'powder outside of the poles at the start (particles.region = "poles" or "faces" avoids it)'
     if device.surfaces:
-        yield "it has surfaces from files"
+        yield "surfaces from files"
     for one in effects.present:
         if one.changes_stress and one.role == "drag":
-            yield f"it has [effects.{one.name}]"
+            yield f"[effects.{one.name}]"
 
 
 def expected_pressure(scene, device: Device, field: MagneticField | Field3D | None) -> float:
