@@ -6,7 +6,18 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from emclutch.results.report.report import Mark, Picture, Report, Shown, Statement, Statements, Table, note, warning
+from emclutch.results.report.report import (
+    Mark,
+    Picture,
+    Report,
+    Shown,
+    Statement,
+    Statements,
+    Table,
+    note,
+    sentence,
+    warning,
+)
 from emclutch.results.text import format_percent, in_words
 
 HEADS = (
@@ -41,7 +52,7 @@ def field_report(folder: Path, summary: dict[str, Any]) -> Report:
         whole = sum(parts.values())
         table = [(in_words(name), f"{one:.4g}", format_percent(one / whole)) for name, one in parts.items()]
         drops = Table(table, ("part", "ampere-turns [A]", "fraction"), (1, 2))
-        report.add("Magnetic circuit", [drops, Statements([note(AMPERE_TURNS)])], Shown.TERMINAL)
+        report.add("Magnetic circuit", [drops, Statements([note(sentence(AMPERE_TURNS))])], Shown.TERMINAL)
     if forces := summary["at_last_current"].get("axial_force"):
         report.add("Axial forces", _forces(forces), Shown.TERMINAL)
     details = [*_details(summary)]

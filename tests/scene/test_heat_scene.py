@@ -408,7 +408,7 @@ def test_temperatures_that_are_not_found_name_the_key(tmp_path, monkeypatch):
     )
     words = " ".join(done.output.split())
     assert done.exit_code == 2 and "effects.heat.fade" in words and "less steeply" in words, done.output
-    assert done.stderr.startswith("mesh and torque\n 20 %  steady temperatures\n")
+    assert done.stderr.startswith("mesh and torque\n")
 
 
 def test_what_is_not_found_is_said(monkeypatch):
