@@ -219,15 +219,16 @@ def materials_report(names: list[str] | None, places: str | None = None) -> Repo
         report.add("Sources", Statements(lines), Shown.TERMINAL)
     if not powders:
         return report
-    rows, lines = [], []
+    powder_rows: list[tuple[str, ...]] = []
+    lines = []
     for name in powders:
         law, density, source = grain_material(name)
         data["grains"].append({"name": name, "susceptibility": law.chi, "saturation": law.Ms, "density": density,
                                "source": source})  # fmt: skip
-        rows.append((name, f"{law.chi:g}", f"{law.Ms or 0.0:.4g}", f"{density:g}"))
+        powder_rows.append((name, f"{law.chi:g}", f"{law.Ms or 0.0:.4g}", f"{density:g}"))
         lines += [note(f"{name}: {source}.")] if names else []
-    head = ("powder (particles.material)", "susceptibility", "saturation [A/m]", "density [kg/m^3]")
-    report.add("Powders", Table(rows, head, (1, 2, 3)), Shown.TERMINAL)
+    grain_head = ("powder (particles.material)", "susceptibility", "saturation [A/m]", "density [kg/m^3]")
+    report.add("Powders", Table(powder_rows, grain_head, (1, 2, 3)), Shown.TERMINAL)
     return report.add("Sources of powders", Statements(lines), Shown.TERMINAL) if lines else report
 
 
