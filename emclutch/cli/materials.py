@@ -45,8 +45,8 @@ _KINDS = {
     "MajorLoopLaw": "loop",
 }
 SYMBOLS = (
-    "J_s = B - mu_0 H far in saturation. H_c: coercivity. B_r: remanence that follows from H_c and the curve. MS/m: "
-    "conductivity"
+    "J_s [T] = B - mu_0 H far in saturation. H_c [A/m]: coercivity. B_r [T]: remanence that follows from H_c and the "
+    "curve. sigma [MS/m]: conductivity"
 )
 MORE = "Source and warnings of a material or powder: emclutch materials NAME"
 # Every law that ships has the slope of vacuum here; J_s is read off at this flux density [T].
@@ -211,7 +211,7 @@ def materials_report(names: list[str] | None, places: str | None = None) -> Repo
         sigma = f"≈ {sigma}" if one.conductivity_is_rough else sigma
         loop = (f"{one.coercivity:.3g}", f"{one.remanence:.2g}") if one.coercivity and one.remanence else ("", "")
         rows.append((one.name, *permeability, f"{one.J_s:.3f}", *loop, sigma))
-    head = ("material", "initial mu_r", "largest mu_r", "J_s [T]", "H_c [A/m]", "B_r [T]", "MS/m")
+    head = ("material", "initial mu_r", "largest mu_r", "J_s", "H_c", "B_r", "sigma")
     if rows:
         report.add("Materials", Table(rows, head, range(1, 7)), Shown.TERMINAL)
         also = ", ".join(f"{other} = {one.name}" for one in chosen for other in one.also)
