@@ -71,7 +71,7 @@ def heat(
     as_json: opt.AsJson = False,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
-    """Compute temperatures in hours of duty and the permitted slip power; the scene needs no [effects.heat]."""
+    """Compute temperatures over hours of duty, and the permitted slip power."""
     with explained():
         given = [] if slip_power is None else [f"effects.heat.slip_power={slip_power}"]
         read = load(case, [*(sets or ()), *given], trust_scripts)
@@ -106,7 +106,7 @@ def materials(
     out: opt.NewPicture = None,
     as_json: opt.AsJson = False,
 ) -> None:
-    """List magnetic materials; print B at H or H at B; draw their curves; print the force between two grains."""
+    """List the built-in magnetic materials, or print and draw the curves of some."""
     with explained():
         if pair_force:
             refuse_beside("--pair-force", {"--at": at is not None})
@@ -135,7 +135,7 @@ def powder(
     out: opt.NewPicture = None,
     as_json: opt.AsJson = False,
 ) -> None:
-    """Convert an angle of repose into pairs of friction and rolling friction, or a pair into the angle."""
+    """Convert an angle of repose into friction and rolling friction, or these into the angle."""
     with explained():
         from emclutch.cli import powder as command
 

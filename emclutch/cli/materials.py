@@ -44,6 +44,11 @@ _KINDS = {
     "BrauerLaw": "Brauer",
     "MajorLoopLaw": "loop",
 }
+SYMBOLS = (
+    "J_s [T] = B - mu_0 H far in saturation. H_c [A/m]: coercivity. B_r [T]: remanence that follows from H_c and the "
+    "curve. sigma [MS/m]: conductivity"
+)
+MORE = "Source and warnings of a material or powder: emclutch materials NAME"
 # Every law that ships has the slope of vacuum here; J_s is read off at this flux density [T].
 _SATURATED_B = 20.0
 # of the list and the curves: 0.1 A/m, a hundredth of what soft iron needs, to 10 MA/m
@@ -188,11 +193,12 @@ def _range(law: Law) -> str:
 
 def materials_report(names: list[str] | None, places: str | None = None) -> Report:
     """Return the list of all built-in materials, or of the named ones, with their points at H or B."""
-    laws = laws_of(names or material_names())
+    powders = [name for name in names or grain_names() if name in grain_names()]
+    laws = laws_of([name for name in names or material_names() if name not in powders or canonical_name(name)])
     chosen = [characteristics(law) for law in laws]
     points = [] if places is None else points_of(laws, places)
     data: dict[str, Any] = {"materials": [asdict(one) for one in chosen]} | ({"points": points} if points else {})
-    data |= {} if names else {"grains": []}
+    data |= {"grains": []} if powders else {}
     report = Report("Magnetic materials", data=data)
     if points:
         cells = [(one["material"], f"{one['H']:.4g}", f"{one['B']:.4g}", f"{one['mu_r']:.4g}",
@@ -200,37 +206,46 @@ def materials_report(names: list[str] | None, places: str | None = None) -> Repo
         report.add("Points", Table(cells, ("", "H [A/m]", "B [T]", "B/(mu_0 H)", ""), (1, 2, 3)), Shown.TERMINAL)
     rows = []
     for one in chosen:
-        sigma = "?" if one.conductivity is None else f"{one.conductivity:.3g}"
-        permeability = f"{one.initial_mu_r:.4g}", f"{one.largest_mu_r:.4g}"
-        sigma = f"about {sigma}" if one.conductivity_is_rough else sigma
-        rows.append((one.name, one.law, *permeability, f"{one.J_s:.3f}", sigma))
-    head = ("", "law", "initial mu_r", "largest mu_r", "J_s [T]", "conductivity [S/m]")
-    report.add("Materials", Table(rows, head, (2, 3, 4, 5)), Shown.TERMINAL)
-    lines = [note("J_s = B - mu_0 H far in saturation. Sources:")]
+        sigma = "?" if one.conductivity is None else f"{1e-6 * one.conductivity:.3g}"
+        permeability = f"{one.initial_mu_r:.0f}", f"{one.largest_mu_r:.0f}"
+        sigma = f"≈ {sigma}" if one.conductivity_is_rough else sigma
+        loop = (f"{one.coercivity:.3g}", f"{one.remanence:.2g}") if one.coercivity and one.remanence else ("", "")
+        rows.append((one.name, *permeability, f"{one.J_s:.3f}", *loop, sigma))
+    head = ("material", "initial mu_r", "largest mu_r", "J_s", "H_c", "B_r", "sigma")
+    if rows:
+        report.add("Materials", Table(rows, head, range(1, 7)), Shown.TERMINAL)
+        also = ", ".join(f"{other} = {one.name}" for one in chosen for other in one.also)
+        lines = _sources(laws, chosen) if names else [note(f"{SYMBOLS}."), note(f"Other names: {also}."), note(MORE)]
+        report.add("Sources", Statements(lines), Shown.TERMINAL)
+    if not powders:
+        return report
+    powder_rows: list[tuple[str, ...]] = []
+    lines = []
+    for name in powders:
+        law, density, source = grain_material(name)
+        data["grains"].append({"name": name, "susceptibility": law.chi, "saturation": law.Ms, "density": density,
+                               "source": source})  # fmt: skip
+        powder_rows.append((name, f"{law.chi:g}", f"{law.Ms or 0.0:.4g}", f"{density:g}"))
+        lines += [note(f"{name}: {source}.")] if names else []
+    grain_head = ("powder (particles.material)", "susceptibility", "saturation [A/m]", "density [kg/m^3]")
+    report.add("Powders", Table(powder_rows, grain_head, (1, 2, 3)), Shown.TERMINAL)
+    return report.add("Sources of powders", Statements(lines), Shown.TERMINAL) if lines else report
+
+
+def _sources(laws: list[Law], chosen: list[Characteristics]) -> list[Statement]:
+    """Return the sources of materials, and what is doubtful about them."""
+    lines = [note(f"{SYMBOLS}.")]
     for one in chosen:
         also = f" (also {', '.join(one.also)})" if one.also else ""
         sigma_source = "" if one.conductivity is None else f" Conductivity: {conductivity(one.name).source}."
         lines.append(note(f"{one.name}{also}: {one.source}.{sigma_source}"))
         if one.coercivity and not one.loop:
-            remanence = f"computed remanence: {one.remanence:.2g} T"
-            source = coercivity(one.name).source
-            lines.append(note(f"{one.name}: coercivity {one.coercivity:g} A/m, {source}; {remanence}."))
+            lines.append(note(f"{one.name}: coercivity {one.coercivity:g} A/m, {coercivity(one.name).source}."))
         if one.loop:
             lines.append(note(f"{one.name}: {one.loop}"))
         if one.warning:
             lines.append(Statement(Mark.WARNING, f"{one.name}: {one.warning}"))
-    lines += [note(text) for text in map(_range, laws) if text and names]
-    report.add("Sources", Statements(lines), Shown.TERMINAL)
-    if names:
-        return report
-    powders = []
-    for name in grain_names():
-        law, density, source = grain_material(name)
-        data["grains"].append({"name": name, "susceptibility": law.chi, "saturation": law.Ms, "density": density,
-                               "source": source})  # fmt: skip
-        powders.append((name, f"{law.chi:g}", f"{law.Ms or 0.0:.4g}", f"{density:g}", source))
-    grain_head = ("particles.material", "susceptibility", "saturation [A/m]", "density [kg/m^3]", "source")
-    return report.add("Grains", Table(powders, grain_head, (1, 2, 3)), Shown.TERMINAL)
+    return lines + [note(text) for text in map(_range, laws) if text]
 
 
 def draw_materials(laws: list[Law], path: str | Path) -> Path:

@@ -60,15 +60,14 @@ Rated = Annotated[
 Measured = Annotated[
     Path | None,
     _option("--with", "FILE",
-        "CSV with named columns to lay over --speeds (time [s], speeds [rpm]) or --torque-current (current [A], "
-        "torques [N m]; with --rated both divided by the rated values)"),
+        "CSV with curves to compare. With --speeds: columns time [s], speed [rpm]. With --torque-current: current "
+        "[A], torque [N m], with --rated both divided by the rated values"),
 ]  # fmt: skip
 Catalogue = Annotated[
     Path | None,
     _option("--with", "FILE",
-        "measured or catalogue points beside torque against current: CSV with columns current [A], torque [N m] "
-        "and, where known, error [N m] (standard error, one sigma, drawn times 1.96) or error [%]; separators ; , "
-        "tab; units as mA, N cm, lbf in"),
+        "CSV with measured or catalogue points to compare: columns current [A], torque [N m] and, if known, "
+        "error [N m] or [%] (one standard error). Units such as mA, N cm and lbf in are converted"),
 ]  # fmt: skip
 GrainSizeAsked = Annotated[
     bool, flag("--grain-size", "torque against the grains per gap, extrapolated to the real powder")
@@ -110,8 +109,7 @@ TransientAsked = Annotated[
 TransientEnd = Annotated[
     str | None,
     _option("--end", "T",
-        "with --transient: last time, '50 ms'; default: time.end, else when all values are within 1 % of their last "
-        "ones"),
+        "with --transient: last time, '50 ms'; default: time.end, or when all values are within 1 % of the final ones"),
 ]  # fmt: skip
 StepTolerance = Annotated[
     float | None,
@@ -124,11 +122,11 @@ NewPicture = Annotated[Path | None, _option("--out", "FILE", "new picture (.png)
 Sets = Annotated[
     list[str] | None,
     _option("--set", "KEY=VALUE",
-        "set a key: coil.current='0.8 A'; KEY=none removes it; effects.NAME=off or on removes or adds an effect"),
+        "change a key: coil.current='0.8 A'. KEY=none removes it. effects.NAME=off or on removes or adds an effect"),
 ]  # fmt: skip
-Resume = Annotated[bool, flag("--resume", "continue from the last checkpoint; without one, start again")]
-Threads = Annotated[int | None, _option("--threads", None, "number of threads; results do not depend on it")]
-Force = Annotated[bool, flag("--force", "run even if more memory or disk space is needed than is free")]
+Resume = Annotated[bool, flag("--resume", "continue from the last checkpoint, or start again without one")]
+Threads = Annotated[int | None, _option("--threads", None, "number of threads (the results are the same)")]
+Force = Annotated[bool, flag("--force", "run even if it needs more memory or disk space than is free")]
 Jobs = Annotated[
     int, _option("--jobs", None, "number of points that run at a time, each in its own process", callback=_within(1))
 ]
@@ -140,13 +138,11 @@ DaskAddress = Annotated[
     _option("--dask", "ADDRESS",
         "run points or cells on the workers of this dask scheduler (tcp://node1:8786), one thread each by default"),
 ]  # fmt: skip
-ListAsked = Annotated[
-    bool, flag("--list", "run nothing; print a command for each point that is not done in --out, for job arrays")
-]
+ListAsked = Annotated[bool, flag("--list", "only print a command for each missing point of --out, for job arrays")]
 CollectAsked = Annotated[
     bool,
     flag("--collect",
-        "run nothing; write tables and pictures of the finished points in --out; exit code 3 if points are missing"),
+        "only write tables and pictures of the finished points in --out. Exit code 3 if points are missing"),
 ]  # fmt: skip
 JobsOfCores = Annotated[
     int | None,
@@ -159,24 +155,22 @@ USUAL_TARGETS = "10 %, 5 %, 3 %"
 Targets = Annotated[
     str | None,
     _option("--for", "LIST",
-        f"accuracies (half the 95 % interval of the torque) for which to find settings; default: '{USUAL_TARGETS}'"),
+        f"wanted accuracies (half the 95 % interval of the torque); default: '{USUAL_TARGETS}'"),
 ]  # fmt: skip
 ResumeAccuracy = Annotated[
-    bool, flag("--resume", "continue the study in the folder of --out; a larger --budget adds to what is finished")
+    bool, flag("--resume", "continue the study in the folder of --out. A larger --budget extends it")
 ]
-OfEffects = Annotated[
-    bool, flag("--effects", "measure what each effect adds to torque and cost, not the errors of the settings")
-]
-DryRun = Annotated[bool, flag("--dry-run", "print the plan and stop; write nothing")]
-DryRunOfStudy = Annotated[bool, flag("--dry-run", "list the points and stop; write nothing")]
+OfEffects = Annotated[bool, flag("--effects", "measure instead what each effect adds to torque and cost")]
+DryRun = Annotated[bool, flag("--dry-run", "only print the plan")]
+DryRunOfStudy = Annotated[bool, flag("--dry-run", "only list the points")]
 TrustScripts = Annotated[
-    bool, flag("--trust-scripts", "run a script (.geo) that the scene names as its geometry; it may run any command")
+    bool, flag("--trust-scripts", "run a script (.geo) that is the geometry of the scene. It may run any command")
 ]
 AsMarkdown = Annotated[bool, flag("--markdown", "write the reference page of all keys instead")]
 MaterialNames = Annotated[
     list[str] | None,
     _argument("[NAME]...",
-        "names of materials, or files (.csv) of a B-H curve or a major loop; default: all materials"),
+        "names of materials, or files (.csv) with a B-H curve or a major loop; default: list all materials"),
 ]  # fmt: skip
 CurvePicture = Annotated[Path | None, _option("--plot", "FILE", "new picture of B(H) and mu_r(B)")]
 CurvePlaces = Annotated[
@@ -186,10 +180,10 @@ PairForceAsked = Annotated[
     bool, flag("--pair-force", "force between two grains against their gap, for a powder such as carbonyl_iron")
 ]
 DryRunOfAccuracy = Annotated[
-    bool, flag("--dry-run", "print what is known without a study, the settings and the cost; run and write nothing")
+    bool, flag("--dry-run", "only print what is known now, the settings and the cost of the study")
 ]
-Details = Annotated[bool, flag("--details", "print also grains, time step, mesh and the omitted effects")]
-AsJson = Annotated[bool, flag("--json", "print JSON and nothing else")]
+Details = Annotated[bool, flag("--details", "also print grains, time step, mesh and omitted effects")]
+AsJson = Annotated[bool, flag("--json", "print JSON only")]
 CellFills = Annotated[str | None, _option("--fill", "PHI", "solid fractions of the cells: '0.32, 0.45'")]
 CellFields = Annotated[
     str | None,
@@ -198,7 +192,7 @@ CellFields = Annotated[
 CellWalls = Annotated[
     str,
     _option("--walls", "KIND",
-        "steel: cells between steel faces, which give a law; none: cells without faces, which give a table"),
+        "steel: cells between steel faces, for a law. none: cells without faces, for a table"),
 ]  # fmt: skip
 BudgetOfCells = Annotated[str | None, _option("--budget", "TIME", "wall-clock time of the cells; default: 10min")]
 CellsAtATime = Annotated[
@@ -207,7 +201,7 @@ CellsAtATime = Annotated[
         "number of cells that run at a time, each in its own process; default: number of cores",
         callback=_within(1)),
 ]  # fmt: skip
-ResumeLaw = Annotated[bool, flag("--resume", "continue in the folder of --out; finished cells are kept")]
+ResumeLaw = Annotated[bool, flag("--resume", "continue in the folder of --out and keep its finished cells")]
 Repose = Annotated[str | None, _option("--repose", "ANGLE", "angle of repose of the powder without a field: '34 deg'")]
 InternalFriction = Annotated[
     float | None,
@@ -222,15 +216,15 @@ USUAL_UNCERTAINTY = "1 deg"
 AngleUncertainty = Annotated[
     str | None,
     _option("--uncertainty", "ANGLE",
-        f"uncertainty of the angle; heaps repeat within 1 or 2 degrees; default: {USUAL_UNCERTAINTY}"),
+        f"uncertainty of the angle (heaps repeat within 1 or 2 degrees); default: {USUAL_UNCERTAINTY}"),
 ]  # fmt: skip
 DesignSource = Annotated[Path, _argument("FILE", "design file ([design]), or a scene with --vary and --target")]
 Vary = Annotated[str | None, _option("--vary", "KEY=A:B", "key and range to search: geometry.gap='0.5 mm:2 mm'")]
 MapCurrents = Annotated[
     str | None,
     _option("--current", "RANGE",
-        "coil current: a range '0.1 A:1.5 A', a range with a count '0.1 A:1.5 A:8', or a list '0.5 A, 1 A'. All "
-        "axes below take the same forms; the first one given is the x axis"),
+        "coil current: a range '0.1 A:1.5 A', a range with a count '0.1 A:1.5 A:8', or a list '0.5 A, 1 A'. The "
+        "options below take the same forms. The first one is the x axis"),
 ]  # fmt: skip
 MapVoltages = Annotated[str | None, _option("--voltage", "RANGE", "coil voltage: '6 V:24 V'")]
 MapGaps = Annotated[str | None, _option("--gap", "RANGE", "width of the powder gap: '0.5 mm, 1 mm'")]
@@ -253,27 +247,26 @@ Like = Annotated[
 Runs = Annotated[
     int,
     _option("--runs", "N",
-        "run the scene that was found and correct the search by its torque, at most N times, until a torque meets "
-        "the target; default: 0",
+        "run the scene that was found and correct the search by its torque, at most N times; default: 0",
         callback=_within(0), show_default=False),
 ]  # fmt: skip
 USUAL_WITHIN = "5 %"
 Within = Annotated[
     str | None,
     _option("--within", "SHARE",
-        f"with --runs: accepted difference of the torque of a run from the target; default: {USUAL_WITHIN}"),
+        f"with --runs: accepted difference between torque and target; default: {USUAL_WITHIN}"),
 ]  # fmt: skip
 MeasuredCurve = Annotated[
     Path,
     _option("--to", "FILE",
-        "measured curve (.csv): current [A], torque [N m] and, where known, error [N m] (standard error, 1 sigma)"),
+        "measured curve (.csv): current [A], torque [N m] and, if known, error [N m] (one standard error)"),
 ]  # fmt: skip
 Over = Annotated[str, _option("--over", "KEY", "key of the first column of the curve")]
 FrictionRange = Annotated[str, _option("--friction", "RANGE", "sliding friction: range to fit, '0.2:0.7', or a value")]
 RollingRange = Annotated[str, _option("--rolling-friction", "RANGE", "rolling friction: range to fit, or a value")]
 FillRange = Annotated[
     str | None,
-    _option("--fill", "RANGE", "solid fraction: range to fit, '0.3:0.45'; default: that of the scene, not fitted"),
+    _option("--fill", "RANGE", "solid fraction: range to fit, '0.3:0.45'; default: not fitted"),
 ]
 CommonError = Annotated[
     str | None,
@@ -283,8 +276,8 @@ CommonError = Annotated[
 SceneKind = Annotated[
     str | None,
     _option("--kind", None,
-        "clutch, disc, disk or brake (all the same: powder at the faces of a disc), drum (powder at the rim; the "
-        "default), cad, centrifugal, shear_cell, sheared_box, box, or field"),
+        "drum (powder at the rim, the default), clutch (powder at the faces of a disc; also disc, disk or brake), "
+        "cad, centrifugal, shear_cell, sheared_box, box, or field"),
 ]  # fmt: skip
 FemmFile = Annotated[
     Path | None, _option("--from", "FILE", "axisymmetric model of FEMM 4 (.fem) from which the scene is made")
@@ -295,5 +288,5 @@ PowderMaterial = Annotated[
 NewScene = Annotated[Path | None, _argument("[FILE]", "new scene file (.toml)")]
 Drawing = Annotated[
     Path | None,
-    _option("--drawing", "FILE", "new picture (.png) of the dimensions of FILE, or without FILE of the kind"),
+    _option("--drawing", "FILE", "new picture (.png) of the dimensions of FILE, or of the kind without FILE"),
 ]

@@ -22,7 +22,7 @@ def plot(
     out: opt.NewPicture = None,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
-    """Draw runs, points of studies, or switch-ons of a coil (field --transient) in one picture.
+    """Draw several runs, points of studies, or switched coils (field --transient) in one picture.
 
     Runs are drawn as torque against time with 95 % bands, or as the curve that an option names.
 
@@ -74,7 +74,7 @@ def view(
 def report(
     folder: opt.ResultPath, out: opt.NewFile = None, html: opt.AsHtml = False, measured: opt.Catalogue = None
 ) -> None:
-    """Write the report of a run or a study as Markdown, or with --html as one page with its pictures."""
+    """Write the report of a run or a study, as Markdown or as one HTML page."""
     with explained():
         from emclutch.results.report.render import markdown, write_new, write_page
         from emclutch.results.report.report import Picture, Section

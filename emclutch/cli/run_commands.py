@@ -49,7 +49,7 @@ def run(
     trust_scripts: opt.TrustScripts = False,
     force: opt.Force = False,
 ) -> None:
-    """Simulate one scene."""
+    """Simulate a scene."""
     with explained():
         check_threads(threads)
         if dry_run:
@@ -82,7 +82,7 @@ def check(
     as_json: opt.AsJson = False,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
-    """Check a scene and predict its torque, cost and errors; check a study and predict its time."""
+    """Check a scene or a study, and predict its torque, cost and errors."""
     with explained():
         if (study := study_to_check(case, sets, jobs, details, trust_scripts)) is not None:
             from emclutch.studies.forecast import predict_study
@@ -114,7 +114,7 @@ def sweep(
     trust_scripts: opt.TrustScripts = False,
     force: opt.Force = False,
 ) -> None:
-    """Simulate all points of a study: several at a time with --jobs, on many machines with --dask or --list."""
+    """Simulate all points of a study, on one machine or on many."""
     with explained():
         from emclutch.results.measured_table import TORQUE_CURVE, read_measured
         from emclutch.scene.study import read_study
@@ -204,7 +204,7 @@ def accuracy(
     as_json: opt.AsJson = False,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
-    """Measure what accuracy costs: the error of every numerical setting, and the cheapest settings for a target."""
+    """Measure the error of each numerical setting, and find the cheapest settings for an accuracy."""
     with explained():
         refuse_to_resume_nothing("study", resume, out)
         if effects and targets is not None:
@@ -253,7 +253,7 @@ def design(
     as_json: opt.AsJson = False,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
-    """Find the value of one key that gives a wanted torque, from the expected torque, then with --runs by runs."""
+    """Find the value of one key that gives a wanted torque."""
     with explained():
         check_threads(threads)
         if not runs:
@@ -287,7 +287,7 @@ def map(
     as_json: opt.AsJson = False,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
-    """Compute the expected torque with its interval over one or two quantities; write table, picture and page."""
+    """Compute the expected torque over one or two quantities, such as current and gap."""
     with explained():
         given = map_axes(ctx.params, vary)
         read = load(case, sets, trust_scripts)
@@ -317,7 +317,7 @@ def powder_law(
     as_json: opt.AsJson = False,
     trust_scripts: opt.TrustScripts = False,
 ) -> None:
-    """Measure the torque law of a powder in simulated cells; not needed for a powder that a shipped law covers."""
+    """Measure the law of a powder in simulated cells, if no shipped law covers it."""
     with explained():
         refuse_to_resume_nothing("law", resume, out)
         if dask is not None:

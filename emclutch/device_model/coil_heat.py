@@ -125,7 +125,10 @@ def coil_heat_in_words(scene, coil: Excitation, shape) -> str:
     text += f"; steady temperature without slip: {format_number(rise)} K above the room "
     text += f"({COOLING:g} W/(m² K) on {1e4 * surface:.3g} cm²)"
     if rise > ABSURD:
-        return Decision(text, "copper melts; are current, turns and window in the units that were meant?")
-    hot = f"the coil is overloaded at {current:.3g} A: its copper warms by {format_number(rate)} K/s at first and "
-    hot += f"would reach {format_number(rise)} K above room temperature in steady state; use this current only briefly"
+        return Decision(text, "the copper would melt. Are current, turns and window in the units that were meant?")
+    J = 1e-6 * winding.current_density(current)
+    hot = (
+        f"the coil is overloaded at {current:.3g} A ({J:.3g} A/mm²). Its copper warms by {format_number(rate)} K/s at "
+        f"first, and would end {format_number(rise)} K above room temperature. Use this current only briefly"
+    )
     return Decision(text, hot if rise > WARM else "")

@@ -122,7 +122,7 @@ class GrainSize:
         if not measured and excess is not None and excess[0] > MAX_EXCESS:
             found.append(
                 f"grains {self.coarse_graining:.2g} times coarser than real typically raise the torque by "
-                f"{excess_in_words(excess)}; take a smaller particles.diameter, or run a grain-size study"
+                f"{excess_in_words(excess)}. Take a smaller particles.diameter, or run a grain-size study"
             )
         if self.is_coarser:
             found += [f"{note}: give values for the coarse grains, not those of the real powder" for note in self.notes]

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 LINE_EVERY_SECONDS = 5.0
 LINE_EVERY_FRACTION = 0.1
+LINE_MIN_SECONDS = 1.0  # between two lines
+SAME_LINE_SECONDS = 60.0  # between two equal lines
 MIN_DONE, MIN_PASSED = 0.03, 0.5  # and seconds; below, no time left is shown
 
 
@@ -43,7 +45,7 @@ class Progress:
         self._started = time.monotonic()
         self._time_left: TimeLeft | None = None  # from the first update on
         self._latest = 0.0
-        self._line_time, self._line_fraction = self._started, 0.0
+        self._line, self._line_time, self._line_fraction = "", self._started, 0.0
 
     def __enter__(self) -> Progress:
         self._started = self._line_time = time.monotonic()
@@ -75,12 +77,16 @@ class Progress:
             self._bar.update(self._task, completed=fraction, description=self.text, left=left)
             return
         now = time.monotonic()
-        due = now - self._line_time >= LINE_EVERY_SECONDS
+        passed = now - self._line_time
         # 1e-9: ten steps of 0.1 do not add up to 1
-        due = due or fraction - self._line_fraction >= LINE_EVERY_FRACTION - 1e-9
+        advanced = fraction - self._line_fraction >= LINE_EVERY_FRACTION - 1e-9
+        due = passed >= LINE_EVERY_SECONDS or (advanced and passed >= LINE_MIN_SECONDS)
         if due or (fraction >= 1.0 and self._line_fraction < 1.0):
-            print(f"{100.0 * fraction:3.0f} %  {self.text}  {left}".rstrip(), file=self.stream, flush=True)
-            self._line_time, self._line_fraction = now, fraction
+            line = f"{100.0 * fraction:3.0f} %  {self.text}  {left}".rstrip()
+            if line == self._line and passed < SAME_LINE_SECONDS:
+                return
+            print(line, file=self.stream, flush=True)
+            self._line, self._line_time, self._line_fraction = line, now, fraction
 
     def status(self, text: str) -> None:
         """Show at once what is going on, until the next update."""
@@ -103,8 +109,8 @@ class Progress:
         if self._latest >= 1.0:
             return f"took {format_duration(time.monotonic() - self._started)}"
         found = reading.estimate()
-        if found is None or reading.advanced < MIN_DONE or reading.passed < MIN_PASSED:  # too early
-            return ""
+        if found is None or reading.advanced < MIN_DONE or reading.passed < MIN_PASSED or found[0] < 1.0:
+            return ""  # too early, or done within a second
         return f"{format_duration(found[0])} left"
 
     def __exit__(

@@ -159,6 +159,7 @@ def coil(run: Any) -> dict[str, Any]:
         **rise_times(history, coil.currents.values[-1], begins_off=begins_off, replicas=run.histories[1:]),
         "field_error_estimate": source.solution.estimated_errors(),
         **({"steel": {"warnings": run.beyond_tables}} if run.beyond_tables else {}),
+        **({"coil_heat": {"warnings": heat}} if (heat := run.coil_warnings) else {}),
     }
 
 

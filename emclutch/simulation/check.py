@@ -16,7 +16,7 @@ from emclutch.results.quantity import RPM
 from emclutch.results.report.render import Reported
 from emclutch.results.report.report import Mark, Report, Shown, Statement, Statements, Table, warning
 from emclutch.results.report.run_report import effects_table
-from emclutch.results.text import in_words
+from emclutch.results.report.verdict import omitted_in_words
 from emclutch.scene.case import Case, as_case
 from emclutch.scene.errors import SceneError, bad_input_for
 from emclutch.scene.grain_smear import moments_are_fed_back
@@ -98,9 +98,7 @@ class Checked(Reported):
         of_decisions = warnings_of(self.decisions)
         doubts += [warning(f"{label}: {text}") for label, texts in of_decisions.items() for text in texts]
         doubts += [
-            warning(f"omitted, although it may be relevant: {in_words(one.effect)}; {one.in_words()}")
-            for one in self.omitted_effects
-            if one.is_reservation
+            warning(omitted_in_words(one.effect, one.in_words())) for one in self.omitted_effects if one.is_reservation
         ]
         report.add("Warnings", Statements(doubts), Shown.TERMINAL)
         report.add("Plan", Table([*self.decisions.items()]))
@@ -164,14 +162,14 @@ def _check(case: Case, threads: int | None) -> Checked:
         words |= {"powder in that field": powder_in_words(scene, phi)} | ampere_turns_row(coil, even)
     elif device.coil is not None and made.peak_field is not None:
         B_max = device.coil.gap_flux_density(made.peak_field)
-        words["field"] = f"{B_max:.3g} T under the poles, mean"
+        words["field"] = f"mean {B_max:.3g} T under the poles"
         words["powder in that field"] = powder_in_words(scene, phi)
     beyond = [] if made.peak_field is None else driven_beyond_their_tables([made.peak_field])
     if doubtful := [text for text in (FLUX_DENSITY.remark("|B|", B_max), *beyond) if text]:
         words["field"] = Decision(words["field"], *doubtful)
     if device.coil is not None:
         words |= steel_row(case, device.coil)
-        words["copper"] = coil_heat_in_words(scene, device.coil, device.coil.shape)
+        words["coil heat"] = coil_heat_in_words(scene, device.coil, device.coil.shape)
     compared = methods_compared(scene)
     if compared:
         words["method"] = f"{scene.contact.method}; {compared}"

@@ -173,11 +173,11 @@ def accuracy_in_words(case: Case, plan: Plan) -> str:
     except OutputError as error:
         return str(error)
     if found is None and target is None:
-        return f"error of the numerical settings not measured; to measure it: {how_to_find(case)}"
+        return f"error of the numerical settings not measured. To measure it: {how_to_find(case)}"
     if found is None:
         return (
-            f"{target}: no accuracy study of this device yet; it is run first, takes up to {budget} (accuracy.budget), "
-            "and says what the run costs"
+            f"{target}: no accuracy study of this device yet. The run begins with one, of up to {budget} "
+            "(accuracy.budget), which also gives the cost of the run"
         )
     study, path = found
     if target is not None:
@@ -186,11 +186,13 @@ def accuracy_in_words(case: Case, plan: Plan) -> str:
         return f"{target}: {words}"
     total = total_at(study, setting_values(case, plan), plan)
     low, high = (100.0 * end for end in total.whole.interval)
-    text = f"numerical settings change a run's raw torque by {low:+.2g} % to {high:+.2g} % (95 %); it is corrected"
+    text = f"numerical settings change the raw torque of a run by {low:+.2g} % to {high:+.2g} % (95 %). The best "
+    text += "estimate is corrected for this"
     if total.largest is not None:
-        text += f"; largest remaining error: {in_words(total.largest)}, ± {format_percent(total.widths[total.largest])}"
-    text += "".join(f"; not included: {in_words(name)} ({why})" for name, why in total.unknown.items())
-    return text if path.parent == SHIPPED else f"{text}; by {_shown(path)}"
+        width = format_percent(total.widths[total.largest])
+        text += f". Largest remaining error: {in_words(total.largest)}, ± {width}"
+    text += "".join(f". Not included: {in_words(name)} ({why})" for name, why in total.unknown.items())
+    return text if path.parent == SHIPPED else f"{text}. Accuracy study: {_shown(path)}"
 
 
 def _shown(path: Path) -> str:

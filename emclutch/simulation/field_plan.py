@@ -29,7 +29,7 @@ def field_plan(case: Case) -> dict[str, str]:
         "refuses it",
         "winding": winding_in_words(scene),
         "mesh": coil.mesh_in_words(),
-        "copper": coil_heat_in_words(scene, coil, coil.shape),
+        "coil heat": coil_heat_in_words(scene, coil, coil.shape),
     }
     words |= steel_row(case, coil)
     if coil.largest_current > 0.0 and isinstance(coil, CoilDevice):

@@ -59,8 +59,8 @@ class RunPace:
         seconds, cores = found
         estimated = self._cost.rounds * self._cost.until(self._cost.end) * (1.0 - done)
         slow = seconds > BEHIND * estimated
-        text = f"about {format_rough_time(seconds)} left, by the pace of the windows so far"
+        text = f"about {format_rough_time(seconds)} left"
         if slow:
             text += f": {seconds / max(estimated, 1e-9):.1f} times the estimate"
-            text += "; the machine is busy" if cores < BUSY * sqrt(self._cost.threads) else ""
+            text += ", because the machine is busy" if cores < BUSY * sqrt(self._cost.threads) else ""
         self._report(text, logging.WARNING if slow else logging.INFO)

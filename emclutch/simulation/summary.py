@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from emclutch.device_model.coil_heat import coil_heat_in_words
 from emclutch.device_model.grain_size import GrainSize, grain_size
 from emclutch.results import Estimate, Result, RunFolder
 from emclutch.results.atomic_file import replace_text
@@ -95,6 +96,15 @@ class FinishedRun:
         """Whether the requested precision is reached; None where none is requested."""
         until = self.case.scene.span.until
         return None if until is None or self.estimate is None else how_it_ended(self.estimate, self.history, until)
+
+    @property
+    def coil_warnings(self) -> list[str]:
+        """Warnings of the copper loss, as `check` prints them."""
+        coil = self.planned.device.coil
+        if coil is None:
+            return []
+        words = coil_heat_in_words(self.case.scene, coil, coil.shape)
+        return [*getattr(words, "warnings", ())]
 
     @property
     def beyond_tables(self) -> list[str]:

@@ -97,7 +97,7 @@ class TorqueTrigger:
             mean = f"{torque.mean:.4g}" if half is None else f"{torque.mean:.4g} ± {half:.2g}"
             text = f"raw {target.quantity} {mean} {target.unit}{error}, {replicas}"
         if isinstance(following, Stop):
-            text += ": target precision reached" if following.reached else f"; {torque.in_words()}"
+            text += ": time.until reached" if following.reached else f"; {torque.in_words()}"
         else:
             done, left = now.count * now.length, following.count * following.length - now.count * now.length
             seconds = (time.monotonic() - self._began) * left / max(done - self._simulated, 1e-300)

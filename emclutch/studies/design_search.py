@@ -472,7 +472,7 @@ def _answer(result: DesignResult) -> Iterator[Statement]:
     torque = (expected.torque or 0.0) * (correction.ratio if correction else 1.0)
     value = search.shown(result.value)
     mark = Mark.WARNING if any(result.is_cut) or not result.is_monotone else Mark.GOOD
-    yield Statement(mark, f"{search.key} = {value}: {torque:.4g} N m expected, {search.torque:g} N m wanted.")
+    yield Statement(mark, f"{search.key} = {value}: {torque:.4g} N m expected for a target of {search.torque:g} N m.")
     yield note(f"Estimate: {expected.in_words()}")
     if hint := sheared_gap_hint(search.case, search.key):
         yield note(hint)
@@ -486,7 +486,7 @@ def _answer(result: DesignResult) -> Iterator[Statement]:
     else:
         by_run = correction is not None and correction.interval is not None
         whose = "The error of that run" if by_run else "The uncertainty of the law"
-        beyond = ", perhaps beyond the end of the range" if any(result.is_cut) else ""
+        beyond = ", or values beyond the searched range" if any(result.is_cut) else ""
         yield note(f"{whose} allows {low} to {high}{beyond}.")
     if not result.is_monotone:
         yield warning("the torque rises and falls between both values: other answers may exist, see design.csv")

@@ -6,7 +6,18 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from emclutch.results.report.report import Mark, Picture, Report, Shown, Statement, Statements, Table, note, warning
+from emclutch.results.report.report import (
+    Mark,
+    Picture,
+    Report,
+    Shown,
+    Statement,
+    Statements,
+    Table,
+    note,
+    sentence,
+    warning,
+)
 from emclutch.results.text import format_percent, in_words
 
 HEADS = (
@@ -24,9 +35,11 @@ HEADS = (
 FORCE = "axial_force_"
 REASONS = ("not_defined", "no_virtual_work", "error_estimate_of_two_shells")
 """Entries of a body's force that say why a value is missing."""
+SOLVER = ("unknowns", "triangles", "tetrahedra", "order", "solver", "newton residuals")
+"""Details of the solution that the page shows, but not the terminal."""
 AMPERE_TURNS = (
-    "the ampere-turns of a part are its integral of H·B over the flux of the coil; their sum is N I; air and coil "
-    "carry leakage flux, parallel to the powder"
+    "ampere-turns of a part: the integral of H·B over the part, divided by the flux of the coil. Their sum is N I. The "
+    "flux through air and coil is leakage"
 )
 
 
@@ -39,10 +52,12 @@ def field_report(folder: Path, summary: dict[str, Any]) -> Report:
         whole = sum(parts.values())
         table = [(in_words(name), f"{one:.4g}", format_percent(one / whole)) for name, one in parts.items()]
         drops = Table(table, ("part", "ampere-turns [A]", "fraction"), (1, 2))
-        report.add("Magnetic circuit", [drops, Statements([note(AMPERE_TURNS)])], Shown.TERMINAL)
+        report.add("Magnetic circuit", [drops, Statements([note(sentence(AMPERE_TURNS))])], Shown.TERMINAL)
     if forces := summary["at_last_current"].get("axial_force"):
         report.add("Axial forces", _forces(forces), Shown.TERMINAL)
-    report.add("At the last current", Table([*_details(summary)]), Shown.TERMINAL)
+    details = [*_details(summary)]
+    report.add("At the last current", Table([row for row in details if row[0] not in SOLVER]), Shown.TERMINAL)
+    report.add("Solver", Table([row for row in details if row[0] in SOLVER]), Shown.PAGE)
     report.add("Materials", Table([*summary.get("materials", {}).items()], ("region", "material")), Shown.PAGE)
     pictures = [Picture(in_words(one.stem), one) for one in sorted(folder.glob("*.png"))]
     return report.add("Pictures", pictures, Shown.PAGE)

@@ -436,10 +436,10 @@ def _of_parameters(result: FitResult) -> Iterator[Statement]:
     """Say the parameters with their intervals, and what would bound them."""
     fitted, measured = result.fit, result.measured
     for one, levels in zip(fitted.parameters, fitted.levels, strict=True):
-        ends = ("" if bounded else ", the end of its range" for bounded in one.bounded)
+        ends = ("" if bounded else " (end of its range)" for bounded in one.bounded)
         low, high = (f"{value:.3g}{end}" for value, end in zip((one.low, one.high), ends, strict=True))
         if not any(one.bounded):
-            how = f"is not determined: values from {low} to {high} fit. The best is {one.value:.3g}"
+            how = f"is not determined: all values from {one.low:.3g} to {one.high:.3g} fit. The best is {one.value:.3g}"
         elif one.value in levels[[0, -1]]:
             how = (f"ends at the limit of its range, {one.value:.3g} (95 %: {low} to {high}); there measured torques "
                    f"are {fitted.factor:.3g} times those of the law")  # fmt: skip

@@ -87,11 +87,11 @@ class StudyForecast(Reported):
     def in_words(self) -> str:
         """One line: the sum, and what stands against it."""
         kept = f" ({self.done} more are done)" if self.done else ""
-        first = "; missing accuracy studies of devices are run first (accuracy.budget)" if self.needs_studies else ""
+        first = ". Missing accuracy studies of devices are run first (accuracy.budget)" if self.needs_studies else ""
         text = (
             f"{len(self.points)} {'point' if len(self.points) == 1 else 'points'}{kept}, {self.jobs} at a time: "
-            f"{time_in_words(self.seconds, self.earliest)}, up to {self.memory:.0f} MiB of memory, "
-            f"{self.disk:.0f} MiB on disk; predicted, without compiling{first}"
+            f"{time_in_words(self.seconds, self.earliest)} (estimate, without compiling). Memory up to "
+            f"{self.memory:.0f} MiB, disk {self.disk:.0f} MiB{first}"
         )
         return text
 
@@ -113,10 +113,10 @@ class StudyForecast(Reported):
 
 
 def time_in_words(seconds: float, earliest: float) -> str:
-    """About how long something takes; where it may end earlier, at the latest and at the earliest."""
+    """About how long something takes, or between which times."""
     if format_rough_time(earliest) == format_rough_time(seconds):
         return f"about {format_rough_time(seconds)}"
-    return f"about {format_rough_time(seconds)} at the latest, {format_rough_time(earliest)} at the earliest"
+    return f"about {format_rough_time(earliest)} to {format_rough_time(seconds)}"
 
 
 def predict_study(study: StudySection, jobs: int = 1, reached: Sequence[float] = ()) -> StudyForecast:

@@ -91,12 +91,12 @@ def _permitted_at_the_duty(summary: dict[str, Any], permitted: pandas.DataFrame)
     at = f"Permitted steady slip power at {RPM * summary['slip']:.4g} rpm"
     if row["slip_power"] > 0.0:
         full = f"with the coil at its full {'current' if summary['voltage'] is None else 'voltage'}"
-        drive = f"at {row['current']:.3g} A, the current of that power" if "current" in row else full
+        drive = f"at {row['current']:.3g} A" if "current" in row else full
         ends = [f"{largest[key]:.3g}" for key in ("with_slip_high", "with_slip_low") if key in largest]
-        interval = f"; 95 % of the torque: {' to '.join(ends)} A" if ends else ""
-        yield note(f"{at}: {row['slip_power']:.3g} W {drive} (limit: {limit}{interval}).")
+        interval = f" (95 %: {' to '.join(ends)} A)" if ends else ""
+        yield note(f"{at}: {row['slip_power']:.3g} W {drive}{interval}. Limited by: {limit}.")
     else:
-        yield warning(f"{at}: 0 W; the copper loss alone brings the {limit} to its limit: lower the current")
+        yield warning(f"{at}: 0 W. The copper loss alone brings the {limit} to its limit. Lower the current")
 
 
 def _remarks(summary: dict[str, Any], permitted: pandas.DataFrame) -> Iterator[Statement]:
@@ -127,7 +127,10 @@ def _remarks(summary: dict[str, Any], permitted: pandas.DataFrame) -> Iterator[S
                "effects.heat.convection.")  # fmt: skip
     others = torque["at_other_currents"], torque["at_other_temperatures"]
     friction = " The friction of the powder is taken as constant with temperature." * ("the law" in others[1])
-    yield note(f"At other currents: {others[0]}. At other temperatures of the powder: {others[1]}.{friction}")
+    if others[0] == others[1]:
+        yield note(f"At other currents and temperatures of the powder: {others[0]}.{friction}")
+    else:
+        yield note(f"At other currents: {others[0]}. At other temperatures of the powder: {others[1]}.{friction}")
     if "surface" in steady:
         flows = {key.removeprefix("heat_out_"): heat for key, heat in steady.items() if key.startswith("heat_out_")}
         out = ", ".join(f"{in_words(name)} {heat:.3g} W" for name, heat in flows.items())
@@ -145,8 +148,8 @@ def _remarks(summary: dict[str, Any], permitted: pandas.DataFrame) -> Iterator[S
         yield warning(steady["state"])
         yield note(f"Without slip a steady state exists up to {largest['at_a_mean_of_250_degrees']:.3g} A. Lower "
                    "current or slip power, cool better, or shorten the duty.")  # fmt: skip
-    error = f"relative error of the heat {duty['heat_error']:+.1e}, " if "heat_error" in duty else ""
-    yield note(f"Duty: {duty['state']}, {duty['steps']} steps; {error}residual of the energy balance "
+    error = f" Relative error of the heat: {duty['heat_error']:+.1e}." if "heat_error" in duty else ""
+    yield note(f"Duty: {duty['state']} ({duty['steps']} steps).{error} Residual of the energy balance: "
                f"{abs(duty['energy_error']):.1e}.")  # fmt: skip
     if "ripple" in duty:
         yield note(averaging_in_words(duty))

@@ -452,5 +452,4 @@ class _Cells(Study):
         if self.progress is not None:
             done = sum(row.state == DONE for row in self.rows.values())
             part = max(done / self.total, min(0.97, (time.monotonic() - self.start) / self.budget))
-            first = "" if done >= MIN_CELLS else f"; the first {MIN_CELLS} are always measured"
-            self.progress.update(part, f"{done} cells, at most {self.total}{first}")
+            self.progress.update(part, f"{done} cells done, of {MIN_CELLS} to {self.total}")

@@ -15,7 +15,6 @@ from emclutch.results.report.report import (
     Statements,
     Table,
     note,
-    sentence,
     warning,
 )
 from emclutch.results.text import format_percent, format_time, in_words
@@ -58,11 +57,11 @@ def _statements(summary: dict[str, Any]) -> Iterator[Statement]:
                 if name in summary["final"]]  # fmt: skip
         yield note(f"With the permeability of sheared powder: {'; '.join(both)}.")
     if summary["powder"] is not None:
-        yield note(sentence(summary["powder"]))
+        yield note(f"Powder: {summary['powder'].rstrip('.')}.")
     if (error := summary["rise_time_error"]) is not None:
         steps, tolerance = summary["steps"], summary["tolerance"]
         yield note(
-            f"Error of the {steps} time steps (tolerance {tolerance:g}): {format_percent(error)} of these times."
+            f"Error of these times by the {steps} time steps (tolerance {tolerance:g}): {format_percent(error)}."
         )
     if errors := summary["error_of_the_mesh"]:
         worst = max(errors, key=lambda name: abs(errors[name]))
@@ -74,13 +73,13 @@ def _statements(summary: dict[str, Any]) -> Iterator[Statement]:
         shielded = "Eddy currents shield the steel at first, so that the inductance is smaller"
         yield note(f"{shielded}: the current rises sooner than without them, the flux in the gap later.")
     else:
-        yield note("Eddy currents are left out; [effects.eddy_currents] adds those of the solid parts.")
+        yield note("Eddy currents are left out. [effects.eddy_currents] adds them.")
     if summary["default_circuit"]:
-        unused = "; coil.current is not used, as a voltage drives the coil" if summary["current_given"] else ""
+        unused = ". coil.current is not used" if summary["current_given"] else ""
         yield note(f"coil.voltage is applied from t = 0{unused}.")
     if summary["distance"] > FAR:
         far, end = format_percent(summary["distance"]), format_time(at_end["time"])
-        yield warning(f"At the end, {end}, the coil is {far} from its final state; take a later end (--end)")
+        yield warning(f"At the end, {end}, the coil is {far} from its final state; take a later --end")
     yield from map(warning, summary["warnings"])
 
 
@@ -104,4 +103,4 @@ def _energy(summary: dict[str, Any]) -> Table:
     if first := summary["first_field_energy"]:
         rows.insert(0, ("in the field at the start", f"{first:.4g}"))
     left = f"{summary['residual']:.2g} ({format_percent(summary['relative_residual'])})"
-    return Table([*rows, ("residual: given less the rest", left)], ("energy", "[J]"), (1,))
+    return Table([*rows, ("residual: supplied minus the rest", left)], ("energy", "[J]"), (1,))

@@ -73,10 +73,9 @@ def misfit_of_curve(law: Law, pinning: Pinning) -> str:
     if H_c == 0.0 or peak <= _FAR * H_c:
         return ""
     return (
-        f"the coercivity of {H_c:.3g} A/m does not match the magnetisation curve: the permeability is largest at H = "
-        f"{peak / H_c:.2g} H_c; in real steels it is largest near {_PEAK:g} H_c. The remanence of "
-        f"{pinning.remanence(law):.2g} T is too low (steels: 0.6 to 1.2 T), and so is the residual flux of a path "
-        "without air gap. Give a measured loop of the steel"
+        f"the coercivity H_c = {H_c:.3g} A/m does not match the magnetisation curve: the permeability is largest at "
+        f"{peak / H_c:.2g} H_c (real steels: near {_PEAK:g} H_c). The remanence, {pinning.remanence(law):.2g} T (real "
+        "steels: 0.6 to 1.2 T), and the residual flux without an air gap are too low. Give a measured loop"
     )
 
 

@@ -29,7 +29,7 @@ def test_the_quickstart_has_one(monkeypatch, tmp_path):
     case = load_case(CASES / "quickstart.toml")
     _, path = accuracy_study_of_device(case)
     assert path in STUDIES
-    assert "largest remaining error: " in accuracy_in_words(case, make_plan(case)[1])
+    assert "Largest remaining error: " in accuracy_in_words(case, make_plan(case)[1])
 
 
 def test_an_old_file_is_named_once_and_the_shipped_one_used(monkeypatch, tmp_path, caplog):

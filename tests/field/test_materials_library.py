@@ -117,10 +117,12 @@ def test_the_approach_to_saturation_is_that_of_the_published_points(name):
         TableLaw(law.H, law.B, J_s=J_s - 0.1)
 
 
-def test_the_list_has_every_material_its_other_names_and_sources():
+def test_the_list_has_every_material_and_its_other_names_and_one_by_name_its_sources():
     output = asked()
-    for words in (*material_names(), *material_aliases(), *grain_names(), "about 7e+06", "FEMM"):
+    for words in (*material_names(), *material_aliases(), *grain_names(), "≈ 7", "emclutch materials NAME"):
         assert words in output
+    assert "Bozorth" in asked("carbonyl_iron") and "FEMM" in asked("steel_1010")
+    assert "does not match the magnetisation curve" in asked("steel_1010")
 
 
 def test_the_list_for_machines_is_json():

@@ -347,14 +347,20 @@ def test_result_reads_the_folder(tmp_path):
         result.open_record()
 
 
-def test_progress_writes_plain_lines_where_there_is_no_terminal():
+@pytest.mark.parametrize(("seconds", "count"), [(0.2, 10), (0.05, 5)])
+def test_progress_writes_plain_lines_where_there_is_no_terminal(monkeypatch, seconds, count):
+    """A line every 10 %, but not more than one a second."""
+    now = [0.0]
+    for clock in ("monotonic", "perf_counter"):
+        monkeypatch.setattr(f"emclutch.results.progress.time.{clock}", lambda: now[0])
     stream = io.StringIO()
     with Progress("coupling", stream=stream) as progress:
         for i in range(101):
             progress.update(i / 100.0, f"window {i}")
+            now[0] += seconds
     lines = stream.getvalue().splitlines()
-    assert len(lines) == 10
-    assert lines[0].startswith(" 10 %  window 10") and lines[-1].startswith("100 %  window 100  took")
+    assert len(lines) == count and not any(" 0 s left" in line for line in lines)
+    assert lines[0].startswith(f" {100 // count} %  window") and lines[-1].startswith("100 %  window 100  took")
 
 
 def test_progress_does_not_extrapolate_compilation(monkeypatch):

@@ -66,7 +66,7 @@ def test_the_law_gives_a_drawn_device_the_torque_of_its_kind(drawn, drawn_poles)
     assert cad.real.mean == pytest.approx(parametric.real.mean, rel=0.02)
     assert cad.real.high / cad.real.mean == pytest.approx(parametric.real.high / parametric.real.mean, rel=0.02)
     assert jammed.real.mean > 1.05 * spilt.real.mean
-    assert cavity.real.is_guess and "of its powder is between steel faces of two bodies" in cavity.law
+    assert cavity.real.is_guess and "of the powder lies between steel faces of two bodies" in cavity.law
 
 
 def test_a_device_from_cad_is_the_parametric_one(drawn):

@@ -295,7 +295,7 @@ def test_permeability_of_the_solve_is_that_of_the_law_at_its_own_field():
 def test_check_tells_the_torque_in_a_line():
     told = check(quickstart(), threads=1).decisions
     assert "N m ± " in told["expected torque"]
-    assert "if friction and fill of the powder were unknown" in told["expected torque"]
+    assert "If friction and fill of the powder were unknown" in told["expected torque"]
     assert "N m ± " in told["expected raw torque of the run (coarse grains)"]
 
 

@@ -267,9 +267,7 @@ def reported(clock, seconds, windows, *, begin=0.0, compiling=0.0, cost=None, sh
 
 
 def test_the_time_left_is_reported_after_a_twentieth_and_a_tenth(clock):
-    first, second = (
-        (logging.INFO, f"about {minutes} min left, by the pace of the windows so far") for minutes in (24, 22)
-    )
+    first, second = ((logging.INFO, f"about {minutes} min left") for minutes in (24, 22))
     assert reported(clock, 2.0, 49) == []
     assert reported(clock, 1.5, 99, compiling=300.0) == [first]
     assert reported(clock, 1.5, 900) == [first, second]

@@ -90,7 +90,7 @@ def test_all_replicas_end_at_the_same_window_once_the_torque_is_known(known):
     assert float(looks[-1][0]) <= float(looks[-1][1]) and [float(length) for *_, length in looks] == pytest.approx(
         [1.2 * 1.5**k for k in range(len(looks))], rel=0.01
     )
-    assert "target precision reached" in log
+    assert "time.until reached" in log
 
 
 def test_a_study_scatter_is_pooled_at_the_end_of_the_run_only(known):

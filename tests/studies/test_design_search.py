@@ -46,7 +46,7 @@ def test_the_found_value_is_that_at_which_the_wanted_torque_is_expected(tmp_path
         written = emclutch.load_case(result.folder / "found.toml")
         assert emclutch.check(written, threads=1).expected.torque == pytest.approx(result.expected.torque, rel=1e-12)
         assert result.bracket[0] < result.value < result.bracket[1] and result.is_monotone
-        assert repr(result).startswith(f"<DesignResult: {FIELD} = ") and f"{target:g} N m wanted" in repr(result)
+        assert repr(result).startswith(f"<DesignResult: {FIELD} = ") and f"target of {target:g} N m" in repr(result)
         found.append(result.value)
     assert found[0] < found[1]
 

@@ -104,7 +104,7 @@ def test_the_powder_of_a_curve_is_found_again(quickstart, tmp_path):
     assert not found["is_poor"] and not found["is_guess"] and found["guess_points"] == 0
     low, high = found["repose"]
     assert low < np.radians(28.0) < high and high - low < np.radians(12.0)  # emclutch powder gives 27.6 degrees
-    assert f"{FRICTION} is not determined: values from 0.2, the end of its range to 0.7" in done.output
+    assert f"{FRICTION} is not determined: all values from 0.2 to 0.7" in done.output
     assert "All of them change the strength of the powder" in done.output
     table = pandas.read_csv(tmp_path / "fit" / "fit.csv")
     assert (abs(table.torque / table.torque_measured - 1.0) < 0.02).all()

@@ -73,7 +73,7 @@ def test_a_target_may_end_points_early_and_the_words_say_so(study):
     plain, aimed = predicted(path)["points"]
     assert plain["earliest"] == plain["seconds"] and 0.0 < aimed["earliest"] < aimed["seconds"]
     reported = CliRunner().invoke(app, ["check", str(path)], env={"COLUMNS": "200"})
-    assert "at the latest" in reported.output and "2 points, 1 at a time" in reported.output
+    assert " to " in reported.output and "2 points, 1 at a time" in reported.output
 
 
 def test_of_a_point_that_has_begun_the_rest_is_predicted(study, tmp_path):

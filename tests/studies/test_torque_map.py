@@ -86,7 +86,7 @@ def test_the_strongest_point_has_the_warnings_of_check(tmp_path):
     """Of copper and of the mean field in the powder, once, with the current; the scene at its own 1 A has fewer."""
     found = torque_map(tmp_path / "map", quickstart(), current="0.5 A, 3 A, 4 A")
     checked = emclutch.check(found.case.with_values({"coil.current": "4 A"}))
-    expected = [text for text in (*checked.warnings, *checked.decisions["copper"].warnings)]
+    expected = [text for text in (*checked.warnings, *checked.decisions["coil heat"].warnings)]
     assert len(expected) == 3 and found.warnings == [f"at coil current 4 A: {text}" for text in expected]
 
 

@@ -162,9 +162,10 @@ def _requested(result: Result) -> Iterator[Statement]:
     if result.steady is None or not result.steady.is_steady:
         return
     if until is not None and until["reached"]:
-        yield note(f"the requested precision ({until['asked']}) was reached at {format_time(result.summary['time'])}")
+        at = format_time(result.summary["time"])
+        yield note(f"the statistical error reached time.until = '{until['asked']}' at {at}")
     elif until is not None:
-        yield warning(f"the requested precision ({until['asked']}) was not reached: {until['reason']}")
+        yield warning(f"the statistical error did not reach time.until = '{until['asked']}': {until['reason']}")
     if target is not None:
         reached = "reached" if target["reached"] else "not reached"
         text = f"the requested accuracy, accuracy.target = {format_percent(target['asked'])}, is {reached}"
@@ -346,6 +347,11 @@ def _balances(result: Result) -> Iterator[Statement]:
         yield Statement(Mark.GOOD, f"contacts (DVI, {grains}) converged: {missed}")
 
 
+def omitted_in_words(effect: str, criterion: str) -> str:
+    """Return the warning that an effect is left out, though by its criterion it may be relevant."""
+    return f"omitted effect that may be relevant: {in_words(effect)}. {sentence(criterion)}"
+
+
 def soft_grains(summary: dict[str, Any]) -> str:
     """Return a warning where grains that are compressed overlapped too much; else empty."""
     overlap = summary.get("max_overlap") or 0.0
@@ -358,7 +364,7 @@ def soft_grains(summary: dict[str, Any]) -> str:
 def _warnings(result: Result) -> Iterator[Statement]:
     """Say what makes the numbers doubtful, and which effects are left out although they may matter."""
     summary = result.summary
-    parts = "grain_size", "scaled_speed", "solver", "moments", "steel", "energy_made", "scene"
+    parts = "grain_size", "scaled_speed", "solver", "moments", "coil_heat", "steel", "energy_made", "scene"
     texts = [soft_grains(summary), *(text for part in parts for text in (summary.get(part) or {}).get("warnings", []))]
     yield from (warning(text) for text in texts if text)
     scatter = result.conditions.replica_scatter
@@ -368,7 +374,7 @@ def _warnings(result: Result) -> Iterator[Statement]:
             "more, or the run is shorter than time.end"
         )
     for effect, number in result.folder.read_plan().get("omitted_effects", {}).items():
-        yield warning(f"omitted, although it may be relevant: {in_words(effect)}; {number}")
+        yield warning(omitted_in_words(effect, number))
     if result.folder.lacks_pictures():
         yield warning(f"its pictures are missing; draw them with: emclutch plot {result.folder.path}")
 

@@ -90,15 +90,14 @@ class Cost:
     def in_words(self) -> str:
         """One line: time, memory and disk, with warnings where they are large."""
         seconds = self.seconds
-        threads = "one thread" if self.threads == 1 else f"{self.threads} threads"
+        threads, times = "one thread" if self.threads == 1 else f"{self.threads} threads", ""
         if self.replicas > 1:
-            threads = f"{self.replicas} replicas at a time on {threads} each"
+            threads, times = f"{self.replicas} replicas at a time, {threads} each", f"{self.replicas} x "
         if self.rounds > 1:
             threads += f", {self.rounds} rounds"
-        each = " each" if self.replicas > 1 else ""
         text = (
-            f"about {format_rough_time(seconds['total'])} on idle cores, within a factor of two ({threads}); "
-            f"{self.memory:.0f} MiB of memory{each}, {self.disk:.0f} MiB on disk"
+            f"about {format_rough_time(seconds['total'])} on idle cores, within a factor of two ({threads}). "
+            f"Memory {times}{self.memory:.0f} MiB, disk {self.disk:.0f} MiB"
         )
         long = "the run takes more than a day; are all lengths and times in the units that were meant?"
         return Decision(text, shortage(self.replicas * self.memory), long if seconds["total"] > 86400.0 else "")

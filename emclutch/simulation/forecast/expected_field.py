@@ -109,23 +109,22 @@ def powder_in_words(scene, phi: float | None) -> str:
     if phi is None:
         return "none: a scene without [particles]"
     if scene.effects.feedback is None:
-        return "without powder (its effect on the field is off)"
-    even = f"spread evenly, fill {phi:.3g}, with the permeability of a random packing (Maxwell Garnett)"
+        return "the field is solved without powder, as [effects.back_reaction] is off"
+    even = f"spread evenly, solid fraction {phi:.3g}, with the permeability of a random packing (Maxwell Garnett)"
     if not moments_are_fed_back(scene):
         return f"{even}. A run uses the same permeability, with the fill of its own grains"
     return (
-        f"{even}. A run feeds back the moments of its own grains: shear raises the permeability, and powder gathers "
-        "under the poles, where the field becomes stronger"
+        f"{even}. In a run the field becomes stronger, because shear raises the permeability and powder gathers under "
+        "the poles"
     )
 
 
 def sheared_in_words(coil: CoilDevice, even: MagneticField, sheared: MagneticField, B_max: float, faces: bool) -> str:
     """Return the largest |B| [T] in the gap with sheared powder, and both means under the poles."""
-    text = f" ({B_max:.3g} T with sheared powder)"
-    if coil.has_poles:
-        means = [coil.gap_flux_density(field, faces=faces) for field in (even, sheared)]
-        text += f"; mean under the poles {means[0]:.3g} T ({means[1]:.3g} T)"
-    return text
+    if not coil.has_poles:
+        return f", {B_max:.3g} T with sheared powder"
+    means = [coil.gap_flux_density(field, faces=faces) for field in (even, sheared)]
+    return f", mean under the poles {means[0]:.3g} T. With sheared powder: {B_max:.3g} T, mean {means[1]:.3g} T"
 
 
 def _corners(device: Device) -> np.ndarray:

@@ -241,7 +241,7 @@ class ExpectedTorque:
         text = self.real.in_words()
         if self.unknown_powder is not None:
             between = format_range(*self.unknown_powder)
-            text += f"; if friction and fill of the powder were unknown: {between} N m (90 % range)"
+            text += f". If friction and fill of the powder were unknown: {between} N m (90 % range)"
         if self.real.mean == 0.0:
             return f"{text}. {self.law}"
         return f"{text}. {sentence(self.law)}" if self.real.is_guess else text
@@ -420,7 +420,7 @@ class _Sheared:
             law += ", interpolated between simulated powders"
         doubts = [*self.doubts, *found.doubts]
         if doubts:
-            law = f"guess by {law}: {'; '.join(doubts)}"
+            law = f"guess by {law}. Outside of its range: {'; '.join(doubts)}"
         return ExpectedTorque(
             found.interval(self.doubts, self._most),
             law,
@@ -610,23 +610,25 @@ def _outside_of_cells(scene, device: Device) -> Iterator[str]:
     """What a device has that no gap cell has."""
     effects = scene.effects
     if effects.images is None:
-        yield "it has no images in steel walls ([effects.wall_images])"
+        yield "no images in steel walls ([effects.wall_images])"
     if device.coil is not None and effects.feedback is None:
-        yield "its field is solved without powder ([effects.back_reaction])"
+        yield "field solved without powder ([effects.back_reaction])"
     if device.coil is not None and device.section_coil is None:
-        yield "it has slots"
+        yield "slots"
     drawn = scene.geometry.is_from_file
     if device.pole_zone is None:
         gaps = "gaps of one width between steel faces of two bodies" if drawn else "pole faces"
-        yield f"it has no {gaps}"
+        yield f"no {gaps}"
     elif not between_poles(device):
-        part = f"{device.pole_zone.volume / device.fill.volume:.0%} of its powder is between steel faces of two bodies"
-        yield part if drawn else 'its powder does not begin between the poles (particles.region = "poles", or "faces")'
+        part = device.pole_zone.volume / device.fill.volume
+        outside = f"only {part:.0%} of the powder lies between steel faces of two bodies"
+        whole = 'powder outside of the poles at the start (particles.region = "poles" or "faces" avoids it)'
+        yield outside if drawn else whole
     if device.surfaces:
-        yield "it has surfaces from files"
+        yield "surfaces from files"
     for one in effects.present:
         if one.changes_stress and one.role == "drag":
-            yield f"it has [effects.{one.name}]"
+            yield f"[effects.{one.name}]"
 
 
 def expected_pressure(scene, device: Device, field: MagneticField | Field3D | None) -> float:

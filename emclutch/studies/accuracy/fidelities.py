@@ -71,7 +71,7 @@ class TorqueByLaw:
         """Return the torque with its interval and its cost; of a guess why it reaches no target."""
         text = f"The law of the powder gives {self.expected.in_words().rstrip('.')}"
         if self.half_width is None:
-            return f"{text}. It reaches no target."
+            return f"{text}. A guess reaches no target."
         return f"{text}. This takes seconds and no run: {self.command}"
 
     def as_dict(self) -> dict[str, Any]:
@@ -141,7 +141,7 @@ class CheapestAnswer:
             return f"reached; {reach}"
         if isinstance(self.grains, LimitingError):
             return f"not reached. {self.grains.in_words(self.cores)}"
-        text = "not known, since this device has no accuracy study"
+        text = "not known: no accuracy study of this device yet"
         return text if self.estimate is None else f"{text}. {self.estimate['words']}"
 
 
@@ -206,7 +206,7 @@ def estimate_by_other_devices(case: Case, target: float, replica_seconds: float,
         if error.seconds is not None:
             times.append(ratio * error.seconds)
             price = format_cost(times[-1], cores)
-            text += f"; a study for a smaller error takes at least {price}, and may not be enough"
+            text += f". A study for a smaller error takes at least {price}, and may not be enough"
         words.append(text)
     if costs:
         seconds = [min(one for _, one in costs) / COST_FACTOR, COST_FACTOR * max(one for _, one in costs)]

@@ -293,7 +293,7 @@ def _costs(
     with progress() as bar:
         for number, one in enumerate(replicas):
             if bar is not None:
-                bar.update(number / len(replicas), "estimating what the study costs")
+                bar.update(number / len(replicas), "estimating the cost of the study")
             plans.append(plan_value(one, base))
     planned = _distinct(base, accepted_values(base, replicas, plans))
     late: list[str] = []
@@ -316,7 +316,7 @@ def _costs(
         rows.append((in_words(setting.name), own_value, ", ".join(values) or none, how if values or dear else ""))
     statements = [
         *map(note, _cost_in_words(own, measured, budget, jobs)),
-        *([warning(f"values that do not fit into this budget: {', '.join(late)}")] if late else []),
+        *([warning(f"values too expensive for this budget: {', '.join(late)}")] if late else []),
         *([warning(narrow)] if (narrow := narrow_sector(base.scene)) else []),
     ]  # fmt: skip
     head = ("setting", "in the scene", "values to measure (processor time)", "measured on")
@@ -331,8 +331,8 @@ def _cost_in_words(own: float, measured: bool, budget: float, jobs: int) -> tupl
     by, cores = "measured" if measured else "estimate, within a factor of two", "core" if jobs == 1 else "cores"
     return (
         f"A study begins with {BASE_REPLICAS} replicas at the settings of the scene: {cost}, {by}.",
-        f"The budget, {format_duration(budget)} on {jobs} {cores}, has a reserve. It is enough for about "
-        f"{jobs * budget / own:.0f} such replicas; finer values cost more.",
+        f"The budget, {format_duration(budget)} on {jobs} {cores}, is enough for about "
+        f"{jobs * budget / own:.0f} such replicas. Finer values cost more.",
     )
 
 
