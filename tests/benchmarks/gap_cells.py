@@ -2,6 +2,7 @@
 
     python tests/benchmarks/gap_cells.py docs/gap_cells.csv [--processes 2]
     python tests/benchmarks/gap_cells.py docs/gap_cells.csv --fits
+    python tests/benchmarks/gap_cells.py docs/gap_cells.csv --picture docs/gap_cells.png
     python tests/benchmarks/gap_cells.py docs/gap_cells.csv --law emclutch/simulation/forecast/powder_laws.json
 
 A line of the table is one run of a `sheared_box` with `walls = "steel"` (docs/how_to/sheared_box.md), on one core, a
@@ -31,15 +32,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from scipy.stats import chi2
 from scipy.stats.qmc import Halton
 
 from emclutch.results.fits import NORMAL
 from emclutch.scene.case import case_from
-from emclutch.simulation.forecast.powder_law import POWDERS, PowderLaws
+from emclutch.simulation.forecast.powder_law import POWDERS, PowderLaws, shipped_laws
 from emclutch.simulation.run import run
 from particles.bulk_friction.friction_table import measured_table
 
+LOOSE = 0.25
+"""Fill at which no powder jams."""
 DIAMETER, SUSCEPTIBILITY, SATURATION = 0.125e-3, 273.0, 1.3e6  # m, 1, A/m; of the powder of the first table
 POWDER = ("friction", "rolling_friction", "susceptibility", "spread")
 KEY = (*POWDER, "set_inertial_number", "field_strength", "fill", "height", "edge", "seed")
@@ -257,6 +261,34 @@ def powder_laws(table: Table, path: Path) -> PowderLaws:
     return PowderLaws.fit(columns, np.array(list(free_flowing())), made)
 
 
+def draw(table: Table, path: Path) -> None:
+    """Draw stress against flux density, and its rise by jamming against fill; the powder of the brake."""
+    cells, law = means_over_seeds(of_brake(table)), shipped_laws().of(0.3, 0.2, SUSCEPTIBILITY)
+    figure = Figure(figsize=(9.5, 3.9), layout="constrained")
+    by_flux, by_fill = figure.subplots(1, 2)
+    B, fills = np.geomspace(0.1, 1.0, 60), np.linspace(0.28, 0.5, 60)
+
+    def stress(flux: float, fill: float, n: float) -> float:
+        return float(law.stress(np.array([flux]), SATURATION, fill, n)[0])
+
+    for k, fill in enumerate((0.30, 0.38, 0.45)):
+        own = cells_of(cells, fill=fill, height=8, edge=8)
+        by_flux.loglog(own["flux_density"], own["shear_stress"] / 1e3, "o", color=f"C{k}", ms=5)
+        by_flux.loglog(B, law.stress(B, SATURATION, fill, 8.0) / 1e3, color=f"C{k}", lw=1.2, label=f"fill {fill:g}")
+    by_flux.set(xlabel="flux density B [T]", ylabel="shear stress [kPa]", title="8 grains per gap")
+    for k, n in enumerate((4, 8, 16)):
+        own = cells_of(cells, height=n)
+        loose = [stress(flux, LOOSE, n) for flux in own["flux_density"]]
+        by_fill.plot(own["solid_fraction"], own["shear_stress"] / loose, "o", color=f"C{k}", ms=5)
+        rise = [stress(0.6, fill, n) / stress(0.6, LOOSE, n) for fill in fills]
+        by_fill.plot(fills, rise, color=f"C{k}", lw=1.2, label=f"{n} grains per gap")
+    by_fill.axhline(2.0, color="0.5", lw=0.8, ls=":")
+    by_fill.set(xlabel="fill", ylabel="stress / stress of loose powder at the same B", ylim=(0.8, 3.2), title="Jamming")
+    for axes in (by_flux, by_fill):
+        axes.legend(title="dots: cells, lines: law", fontsize=8, title_fontsize=8)
+    figure.savefig(path, dpi=110)
+
+
 def free_flowing() -> Iterator[tuple[float, float]]:
     """Friction and rolling friction of powders with an angle of repose of 25 to 34 degrees, all as likely.
 
@@ -316,7 +348,11 @@ def main() -> None:
     parser.add_argument("--processes", type=int, default=2, help="cells at a time, one core each")
     parser.add_argument("--fits", action="store_true", help="print the laws of the table")
     parser.add_argument("--law", type=Path, help="write the laws of the powders to this file (.json)")
+    parser.add_argument("--picture", type=Path, help="draw the cells and the law of the brake's powder (.png)")
     asked = parser.parse_args()
+    if asked.picture is not None:
+        draw(read_table(asked.table), asked.picture)
+        return
     if asked.law is not None:
         powder_laws(read_table(asked.table), asked.table).write(asked.law)
         return
