@@ -151,7 +151,7 @@ def disc_clutch(rows: list[Row]) -> Device:
     torque, error = float(row["torque"]), float(row["standard_error"])
     half = 1.96 * error / torque
     choices = (("one replica", half, float(row["processor_seconds"])),)
-    return device(case_of(row), "disc clutch", (torque, half), "statistics alone", choices)
+    return device(case_of(row), "small disc clutch", (torque, half), "statistics alone", choices)
 
 
 def others(rows: list[Row], base: str = "") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -173,7 +173,7 @@ def table(devices: list[Device], rows: list[Row]) -> list[str]:
         "| fidelity | device | torque [N m] | error | error of 16 random devices | processor time |",
         "|---|---|---|---|---|---|",
     ]
-    all_ = {one.name: others(rows, {"brake": "drum", "disc clutch": "disc"}[one.name]) for one in devices}
+    all_ = {one.name: others(rows, {"brake": "drum", "small disc clutch": "disc"}[one.name]) for one in devices}
 
     def in_percent(error: float, values: np.ndarray) -> str:
         return f"{100.0 * error:+.0f} % | {100.0 * values.mean():+.0f} ± {100.0 * values.std(ddof=1):.0f} %"
