@@ -11,9 +11,11 @@ import copy
 import importlib.util
 import re
 import shlex
+import sys
 import textwrap
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from step_file import write_polygons
@@ -186,7 +188,12 @@ def test_a_page_does_what_it_says(page, workplace, monkeypatch):
         elif language == "python" and page.stem not in ELSEWHERE:
             packages = re.findall(r"^\s*(?:from|import) (\w+)", text, re.M)
             if all(importlib.util.find_spec(name) for name in packages):
-                exec(compile(text, f"{page.name}: {caption}", "exec"), names)
+                exec(compile(text, f"{page.name}: {caption}", "exec", dont_inherit=True), names)
+            if caption.endswith(".py"):  # later blocks import it
+                path = caption.removesuffix(".py").replace("/", ".")
+                monkeypatch.setitem(sys.modules, path, SimpleNamespace(**names))
+            for test in [name for name in names if name.startswith("test_")]:
+                names.pop(test)()
         elif language == "toml" and not caption.endswith(".toml"):
             fits_a_scene(text, workplace)
         elif "." in caption:
