@@ -2,13 +2,14 @@
 
 import re
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import pytest
 
 from emclutch.results.accuracy_studies import SHIPPED, VARIABLE, device_hash
 from emclutch.results.accuracy_study import AccuracyStudy
-from emclutch.results.recommended import LimitingError, own_choice, reaching, recommended
+from emclutch.results.recommended import LimitingError, own_choice, reaching
 from emclutch.results.text import format_duration, format_percent
 from emclutch.scene.case import load_case
 from emclutch.scene.flat import flat_scene, keys_at_default
@@ -22,6 +23,18 @@ from emclutch.studies.accuracy.report import changes_in_words
 
 CASES = Path(__file__).parents[2] / "cases"
 STUDIES = sorted(SHIPPED.glob("*.json"))
+
+
+@cache
+def shipped(name):
+    """The study of a shipped scene."""
+    return next(one for path in STUDIES if (one := AccuracyStudy.from_json(path.read_text())).case == name)
+
+
+@cache
+def answer_of(name, target):
+    """The cheapest settings of a shipped scene for a target, or what limits it: some seconds."""
+    return cheapest_case(load_case(CASES / f"{name}.toml"), shipped(name), target)
 
 
 def test_the_quickstart_has_one(monkeypatch, tmp_path):
@@ -44,10 +57,9 @@ def test_an_old_file_is_named_once_and_the_shipped_one_used(monkeypatch, tmp_pat
 def test_the_page_has_the_answers_of_this_version(path, monkeypatch, tmp_path):
     monkeypatch.setenv(VARIABLE, str(tmp_path))
     study = AccuracyStudy.from_json(path.read_text())
-    case = load_case(CASES / f"{study.case}.toml")
     page = (CASES.parent / "docs" / "accuracy.md").read_text()
     for target in (0.10, 0.05, 0.03):
-        answer = cheapest_case(case, study, target)
+        answer = answer_of(study.case, target)
         if isinstance(answer, LimitingError):
             line = re.search(rf"^- \*\*(.*)\*\*: {re.escape(answer.in_words())}\.", page, re.MULTILINE)
             assert line and f"± {format_percent(target)}" in line[1].split(" and ")  # equal answers share a line
@@ -58,15 +70,14 @@ def test_the_page_has_the_answers_of_this_version(path, monkeypatch, tmp_path):
 
 def test_the_ten_lines_have_the_numbers_of_the_studies():
     """Cost and half width of lines 4 to 6 are those of the brake's study; line 7 has what two studies took."""
-    studies = {one.case: one for one in map(AccuracyStudy.from_json, (path.read_text() for path in STUDIES))}
-    brake, quickstart = studies["powder_clutch"], studies["quickstart"]
-    cheapest, _ = cheapest_case(load_case(CASES / "powder_clutch.toml"), brake, 0.1)
+    brake, quickstart = shipped("powder_clutch"), shipped("quickstart")
+    cheapest, _ = answer_of("powder_clutch", 0.1)
     lines = re.split(r"\n\d+\. ", (CASES.parent / "docs" / "accuracy.md").read_text())
     for line, choice in ((lines[4], cheapest), (lines[5], own_choice(brake))):
         cost = f"{format_duration(choice.seconds)}** ({format_duration(choice.wall_seconds(2))})"
         assert cost in line and f"± {format_percent(choice.half_width)}" in line
-    limit = recommended(brake, 0.05)
-    assert limit.seconds == recommended(brake, 0.03).seconds
+    limit = answer_of("powder_clutch", 0.05)
+    assert limit.seconds == answer_of("powder_clutch", 0.03).seconds
     assert f"{format_duration(limit.seconds)}** ({format_duration(limit.seconds / 2)})" in lines[6]
     for study in (brake, quickstart):
         assert format_duration(study.machine["processor_seconds"]) in lines[7]
@@ -92,12 +103,11 @@ def test_it_is_of_a_shipped_scene_as_it_is_now(path):
 
 def test_other_devices_estimate_what_grains_will_cost(monkeypatch):
     """The brake's study predicts the quickstart's cost within COST_FACTOR; a missed target names its limit."""
-    studies = {one.case: one for one in map(AccuracyStudy.from_json, (path.read_text() for path in STUDIES))}
-    brake, quickstart = studies["powder_clutch"], studies["quickstart"]
+    brake, quickstart = shipped("powder_clutch"), shipped("quickstart")
     case = load_case(CASES / "quickstart.toml")
     monkeypatch.setattr(fidelities, "known_studies", lambda: [brake])
     estimate = estimate_by_other_devices(case, 0.1, 30.0, 1)
-    own, _ = cheapest_case(case, quickstart, 0.1)
+    own, _ = answer_of("quickstart", 0.1)
     low, high = estimate["seconds"]
     assert estimate["devices"] == ["powder_clutch"]
     assert low < own.seconds * slowness() / quickstart.machine["slowness"] < high
@@ -125,8 +135,7 @@ def test_the_inertial_number_counts_where_no_scene_imposes_it(monkeypatch):
 
 def test_settings_that_a_scene_refuses_estimate_nothing(monkeypatch):
     """A study whose settings reach the target, and are refused, is none that misses it; nor is one beside it named."""
-    studies = {one.case: one for one in map(AccuracyStudy.from_json, (path.read_text() for path in STUDIES))}
-    brake, quickstart = studies["powder_clutch"], studies["quickstart"]
+    brake, quickstart = shipped("powder_clutch"), shipped("quickstart")
     best, case = next(reaching(brake, 0.1)), load_case(CASES / "quickstart.toml")
     missed = LimitingError("grains_per_gap", 0.2, None, best=replace(best, statistical=0.2))
     answers = {brake.case: LimitingError("field_mesh", None, None, "refused", best), quickstart.case: missed}
