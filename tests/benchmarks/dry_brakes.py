@@ -94,7 +94,8 @@ def tables() -> str:
     measured = brakes()
     lines = [
         "The exponent is d ln T/d ln I. The straight part is T = slope (I - offset). Currents are divided by the rated "
-        "current. ± is one standard error of the fit:",
+        "current.",
+        "± is one standard error of the fit:",
         "",
         "| branch | "
         + " | ".join(f"{100 * low:.0f} to {100 * high:.0f} %" for low, high in RANGES)
