@@ -1,7 +1,7 @@
 """Pressure of magnetised powder between pole faces, from the magnetisation of its grains.
 
 Flux crosses the gap through the grains: on the fraction phi of its area they press with mu_0 M^2/2, M their own
-magnetisation. Measured on pole faces: docs/explanation/sensitivities.md.
+magnetisation. Measured on pole faces: docs/explanation/theory.md.
 """
 
 from __future__ import annotations

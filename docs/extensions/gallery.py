@@ -14,7 +14,7 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 CASES = Path(__file__).resolve().parents[2] / "cases"
-FIRST = ("thesis/electromagnetic_study", "disc_clutch", "quickstart")
+FIRST = ("thesis/electromagnetic_study", "disc_clutch", "quickstart", "powder_clutch")
 PARTS = ("Run", "Expect", "Takes", "Note")
 
 

@@ -94,7 +94,8 @@ def tables() -> str:
     measured = brakes()
     lines = [
         "The exponent is d ln T/d ln I. The straight part is T = slope (I - offset). Currents are divided by the rated "
-        "current. ± is one standard error:",
+        "current.",
+        "± is one standard error of the fit:",
         "",
         "| branch | "
         + " | ".join(f"{100 * low:.0f} to {100 * high:.0f} %" for low, high in RANGES)
@@ -129,7 +130,7 @@ def tables() -> str:
     return "\n".join(lines)
 
 
-def brake_tables() -> str:
+def brake_tables() -> tuple[str, str]:
     """The tables of the brake's page: the map, and runs of other powders beside the law of their grains."""
     found = law().loc[[0.2, 0.4, 0.6, RATED, 1.3]]
     rows = [
@@ -141,15 +142,15 @@ def brake_tables() -> str:
     ]  # fmt: skip
     lines = [f"| {name} | {' | '.join(cells)} |" for name, cells in rows]
     lines.insert(1, "|---" * (len(found) + 1) + "|")
-    lines += ["", f"The law compared with runs for other powders, at {RATED:g} A and eight grains per gap:", ""]
-    lines += ["| friction | rolling friction | fill | run [N m] | law [N m] | run/law |", "|---" * 6 + "|"]
+    others = ["| friction | rolling friction | fill | run [N m] | law [N m] | its 95 % interval | run/law |"]
+    others.append("|---" * 7 + "|")
     for row in other_powders():
         (miss,), _, (half,) = misfit([row])
         run, expected = (f"{float(row[name]):.1f}" for name in ("torque", "predicted"))
-        error = "guess within a factor of 2" if row["guess"] else f"± {100.0 * np.expm1(NORMAL * half):.0f} %"
+        error = "guess, factor of 2" if row["guess"] else f"± {100.0 * np.expm1(NORMAL * half):.0f} %"
         powder = " | ".join(f"{float(row[name]):.2f}" for name in ("friction", "rolling_friction", "fill"))
-        lines.append(f"| {powder} | {run} | {expected}, {error} | {np.exp(miss):.2f} |")
-    return "\n".join(lines)
+        others.append(f"| {powder} | {run} | {expected} | {error} | {np.exp(miss):.2f} |")
+    return "\n".join(lines), "\n".join(others)
 
 
 def other_powders() -> list[dict[str, str]]:
@@ -159,11 +160,14 @@ def other_powders() -> list[dict[str, str]]:
     return sorted(others, key=lambda row: float(row["torque"]))
 
 
-def page_with(text: str, of_tables: str) -> str:
-    """Text of the page with other tables between its marks."""
-    before, _, rest = text.partition(MARKS[0])
-    _, _, after = rest.partition(MARKS[1])
-    return f"{before}{MARKS[0]}\n\n{of_tables}\n\n{MARKS[1]}{after}"
+def page_with(text: str, *blocks: str) -> str:
+    """Text of the page with other tables, a block between each pair of its marks."""
+    done = ""
+    for block in blocks:
+        before, _, rest = text.partition(MARKS[0])
+        _, _, text = rest.partition(MARKS[1])
+        done += f"{before}{MARKS[0]}\n\n{block}\n\n{MARKS[1]}"
+    return done + text
 
 
 def draw(path: Path) -> None:
@@ -194,5 +198,5 @@ if __name__ == "__main__":
         mapped = emclutch.map(CASE, current=CURRENTS, out=Path(folder) / "map")
     pandas.DataFrame(mapped.rows).drop(columns="remark").to_csv(MAP, index=False, float_format="%.4g")
     draw(Path(sys.argv[1]))
-    for page, text in ((PAGE, tables()), (BRAKE_PAGE, brake_tables())):
-        page.write_text(page_with(page.read_text(encoding="utf-8"), text), encoding="utf-8")
+    for page, blocks in ((PAGE, (tables(),)), (BRAKE_PAGE, brake_tables())):
+        page.write_text(page_with(page.read_text(encoding="utf-8"), *blocks), encoding="utf-8")

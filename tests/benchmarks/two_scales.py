@@ -265,20 +265,20 @@ def misfit(rows: list[Row]) -> np.ndarray:
 
 def print_table(rows: list[Row]) -> None:
     """Print the lines as Markdown, and how many lie in their interval."""
-    print("| device | friction, rolling friction, susceptibility | grains per gap "
-          "| run [N m] | predicted [N m] | run/predicted |")  # fmt: skip
-    print("|---|---|---|---|---|---|")
+    print("| device | friction | rolling friction | susceptibility | grains per gap "
+          "| run [N m] | law [N m] | its 95 % interval | run/law |")  # fmt: skip
+    print("|---|---|---|---|---|---|---|---|---|")
     for row, miss, _, half in zip(rows, *misfit(rows), strict=True):
-        powder = ", ".join(f"{row[name]}" for name in ("friction", "rolling_friction", "susceptibility") if row[name])
+        powder = " | ".join(row[name] for name in ("friction", "rolling_friction", "susceptibility"))
         run, error, law = (float(row[name]) for name in ("torque", "standard_error", "predicted"))
         outside = " **outside**" if abs(miss) > NORMAL * half else ""
         print(f"| {row['name']}, {row['base']} | {powder} | {float(row['across']):.3g} | ", end="")
         print(f"{run:.4g} ± {NORMAL * error:.1g} | ", end="")
-        print(f"{law:.4g} ± {100.0 * np.expm1(NORMAL * half):.0f} % | {np.exp(miss):.3f}{outside} |")
+        print(f"{law:.4g} | ± {100.0 * np.expm1(NORMAL * half):.0f} % | {np.exp(miss):.3f}{outside} |")
     for use in dict.fromkeys(row["use"] for row in rows):
         miss, _, half = misfit([row for row in rows if row["use"] == use])
         within, scatter = int((np.abs(miss) < NORMAL * half).sum()), miss.std(ddof=1) if len(miss) > 1 else 0.0
-        print(f"{use}: {within} of {len(miss)} in their interval, run/predicted {np.exp(miss.mean()):.3f}", end="")
+        print(f"{use}: {within} of {len(miss)} in their interval, run/law {np.exp(miss.mean()):.3f}", end="")
         print(f", standard deviation {scatter:.1%}")
 
 

@@ -1,4 +1,4 @@
-"""Which effects run together, as the checks of a scene answer; the table of docs/limits.md is made again by
+"""Which effects do not run together, as the checks of a scene answer; the table of docs/limits.md is made again by
 
     python tests/project/effect_combinations.py
 
@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 from itertools import combinations
 from pathlib import Path
-from string import ascii_lowercase
 from typing import Any
 
 from emclutch.effects import EFFECTS
@@ -46,7 +45,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
         **dict.fromkeys(("coil", "motion", "effects.wall_images", "time.until")),
     },
 }
-"""What is no effect and excludes some, by its name in the table."""
+"""What is no effect and may exclude some, by its name in the table."""
 
 NAMES = (*(effect.name for effect in EFFECTS), *SETTINGS)
 
@@ -86,18 +85,11 @@ def refused() -> dict[tuple[str, str], str]:
 
 
 def table() -> str:
-    """Markdown of the triangle, and of the reasons below it."""
-    found = refused()
-    letters = dict(zip(dict.fromkeys(found.values()), ascii_lowercase, strict=False))
-    columns = len(EFFECTS)
-    lines = ["| | " + " | ".join(str(k + 1) for k in range(columns)) + " |", "|---" * (columns + 1) + "|"]
-    for k, name in enumerate(NAMES):
-        pairs = [(other, name) for other in NAMES[: min(k, columns)]]
-        cells = [letters[found[pair]] if pair in found else "+" for pair in pairs]
-        number = f"{k + 1} `{name}`" if k < columns else name
-        lines.append(f"| {number} | " + " | ".join(cells + [""] * (columns - len(cells))) + " |")
-    reasons = [f"- {letter}: {why}" for why, letter in letters.items()]
-    return "\n".join([*lines, "", *reasons]) + "\n"
+    """Markdown of the refused pairs, a row each."""
+    lines = ["| effect | not with | message of `check` |", "|---|---|---|"]
+    for (effect, other), why in refused().items():
+        lines.append(f"| `{effect}` | {other if other in SETTINGS else f'`{other}`'} | {why} |")
+    return "\n".join(lines) + "\n"
 
 
 def in_page() -> str:

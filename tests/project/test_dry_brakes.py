@@ -106,9 +106,9 @@ def test_the_map_of_the_table_is_that_of_today():
 
 def test_the_pages_have_the_tables_of_the_data_and_the_readme_the_number():
     """Where they have not: python tests/benchmarks/dry_brakes.py docs/dry_brakes.png."""
-    for page, text in ((PAGE, tables()), (BRAKE_PAGE, brake_tables())):
+    for page, blocks in ((PAGE, (tables(),)), (BRAKE_PAGE, brake_tables())):
         said = page.read_text(encoding="utf-8")
-        assert page_with(said, text) == said
+        assert page_with(said, *blocks) == said
     row, readme = law().loc[RATED], (ROOT / "README.md").read_text(encoding="utf-8")
     half = 100.0 * (row.high / row.torque - 1.0)
     assert f"One number: {row.torque:.1f} N m ± {half:.0f} % (95 %)" in readme and f"{RATED:g} A" in readme

@@ -1,4 +1,4 @@
-"""The table of effects that run together is what the checks of a scene answer, pair by pair."""
+"""The table of effects that do not run together is what the checks of a scene answer, pair by pair."""
 
 from effect_combinations import NAMES, SETTINGS, base, in_page, reason, refused, table
 

@@ -1,5 +1,7 @@
 """A picture of the docs shows the scenes and tables that ship: they have the hash that they had when it was drawn."""
 
+import re
+
 from pictures import ROOT, commands, gallery, outdated, output_folder, recorded, source_hash
 
 
@@ -10,6 +12,13 @@ def test_no_picture_is_older_than_what_it_shows():
     assert outdated() == [], "draw them: make pictures"
     written = {one: output_folder(one) for name in rows for one in commands(name) if output_folder(one)}
     assert len(written) == len(set(written.values()))  # what is complete is not run again: one command a folder
+
+
+def test_the_table_of_the_gallery_has_each_shipped_scene_once():
+    rows = re.findall(r"^\| \[`(.+?)`\]", (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8"), re.M)
+    cases = ROOT / "cases"
+    shipped = [path.relative_to(cases).as_posix() for path in (*cases.glob("*.toml"), *cases.glob("thesis/*.toml"))]
+    assert sorted(rows) == sorted(shipped)
 
 
 def test_the_hash_changes_with_values_and_not_with_comments(tmp_path):
