@@ -128,6 +128,8 @@ class CadShape(AnnularSpaces):
 
     def sheared_parts(self) -> list[FacingPart]:
         """Those between two bodies, one of which is the disc where it is at the powder at all."""
+        if len(self.bodies_at_powder) < 2:
+            return []
         disc = {"disc"} & self.bodies_at_powder
         solid = [part for part in self.facing_parts() if "air" not in part.regions or "air" in self.bodies]
         bodies = [set(map(self.body, part.regions)) for part in solid]
