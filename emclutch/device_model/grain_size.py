@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from emclutch.device_model.device import Device
     from emclutch.scene.model import Scene
 
-COEFFICIENT, EXPONENT = (4.9, 4.1, 5.7), 2.0
+COEFFICIENT, EXPONENT = (4.9, 4.0, 5.7), 2.0
 """a, with the ends of its 95 % interval, and p, of both shipped clutches on sectors as wide as the gap or wider
 (docs/explanation/brake.md; `grain_size.coefficient` in docs/measured.csv)."""
 

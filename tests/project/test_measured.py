@@ -58,4 +58,4 @@ def test_coefficient_of_the_grain_size_follows_from_the_torques_that_the_page_pr
     freedom = len(points) - 3
     error = np.sqrt(np.linalg.inv(found.jac.T @ found.jac)[0, 0] * max(1.0, 2.0 * found.cost / freedom))
     half_width = t_distribution.ppf(0.975, freedom) * error
-    assert COEFFICIENT == pytest.approx((found.x[0], found.x[0] - half_width, found.x[0] + half_width), abs=0.06)
+    assert COEFFICIENT == pytest.approx((found.x[0], found.x[0] - half_width, found.x[0] + half_width), abs=0.05)
