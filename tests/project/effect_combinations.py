@@ -36,7 +36,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
         "particles.sector": "6 deg",
     },
     "contact.method = dvi": {"contact.method": "dvi"},
-    "a sheared box": {
+    "a sheared box without `geometry.walls`": {
         "geometry": {"kind": "sheared_box", "size": ["3 mm"] * 3, "shear_rate": 1000.0},
         "field": {"source": "uniform", "field_strength": "40 kA/m", "direction": "z", "means": "macroscopic"},
         **dict.fromkeys(("particles.stands_for", "particles.region", "particles.sector")),
