@@ -292,7 +292,7 @@ def _rows(path: Path, example: str) -> list[tuple[int, list[str]]]:
     except OSError as error:
         reason = error.strerror or error
         raise FileFault(
-            path, f"cannot be read ({reason}); check the path; in a scene it is relative to the scene's folder"
+            path, f"cannot be read ({reason}); check the path (in a scene it is relative to the scene's folder)"
         ) from None
     text = "\n".join(_OF_FEMM.sub("B[T] H[A/m]", row) for row in text.splitlines())
     lines = [(number, row) for number, row in enumerate(text.split("\n"), 1) if row.strip()]

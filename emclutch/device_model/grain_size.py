@@ -99,8 +99,7 @@ class GrainSize:
             return f"{self.across:.2g} grains of real size span the gap, and {self.count:.2g} fill the device"
         text = (
             f"{self.across:.2g} simulated grains span the gap; the real powder has "
-            f"{self.gap / self.real_diameter:.2g} ({1e6 * self.real_diameter:.3g} µm). At the same speed "
-            f"the inertial number of the simulated grains is {self.coarse_graining:.2g} times that of the real powder"
+            f"{self.gap / self.real_diameter:.2g} ({1e6 * self.real_diameter:.3g} µm)"
         )
         excess = self.torque_excess()
         if measured or excess is None or excess[0] > MAX_EXCESS:  # a warning has it

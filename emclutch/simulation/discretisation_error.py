@@ -185,9 +185,7 @@ def accuracy_in_words(case: Case, plan: Plan) -> str:
         words = answer.in_words() if isinstance(answer, LimitingError) else answer[0].in_words()
         return f"{target}: {words}"
     total = total_at(study, setting_values(case, plan), plan)
-    low, high = (100.0 * end for end in total.whole.interval)
-    text = f"numerical settings change the raw torque of a run by {low:+.2g} % to {high:+.2g} % (95 %). The best "
-    text += "estimate is corrected for this"
+    text = f"a run gives the torque within ± {format_percent(total.half_width)} (95 %), and the scatter of its replicas"
     if total.largest is not None:
         width = format_percent(total.widths[total.largest])
         text += f". Largest remaining error: {in_words(total.largest)}, ± {width}"

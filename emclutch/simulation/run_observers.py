@@ -143,7 +143,8 @@ class WindowProgress:
         measured = "" if disc is None else f"  torque on the disc {disc.torque:.3g} N m"
         if box is not None:
             measured = f"  strain {box.shear_strain:.3g}, shear stress {box.shear_stress:.3g} Pa"
-        self.progress.update(self.share(row.time), f"t = {row.time * 1e3:.3g} ms{measured}")
+        share = self.share(row.time)  # at the end the result follows, which is a mean
+        self.progress.update(share, f"t = {row.time * 1e3:.3g} ms{measured if share < 1.0 else ''}")
 
 
 def profile_average(scene: Scene, device: Device) -> ProfileAverage | None:

@@ -15,6 +15,8 @@ from emclutch.results.report.report import Mark, Picture, Report, Shown, Stateme
 from emclutch.results.text import format_duration, in_words
 
 PLACES = {"coil_hottest": "coil", "powder_hottest": "powder", "surface": "surface"}
+NEGLIGIBLE = 1.0
+"""Error of the mesh [K] that is not printed."""
 PERMITTED = {
     "by_surface": "limited by surface [W]",
     "by_coil": "limited by coil [W]",
@@ -41,7 +43,7 @@ def _temperatures(summary: dict[str, Any]) -> Table:
     """Return the temperatures of the steady state and through the duty."""
     steady, duty = summary["steady"], summary["duty"]
     rows = [("steady, on all the time", steady)] if "surface" in steady else []
-    rows += [(f"steady, {end}est torque (95 %)", row) for end, row in summary["steady_at_the_ends"].items()]
+    rows += [(f"steady, {end}est torque", row) for end, row in summary["steady_at_the_ends"].items()]
     ends = (f"end of the duty, {format_duration(duty['end'])}", "last"), ("maximum over the duty", "largest")
     for words, prefix in ends["ripple" in duty :]:  # the end of an averaged duty is a maximum too
         rows.append((words, {key: duty[f"{prefix}_{key}"] for key in (*PLACES, "surface_part")}))
@@ -127,7 +129,10 @@ def _remarks(summary: dict[str, Any], permitted: pandas.DataFrame) -> Iterator[S
                "effects.heat.convection.")  # fmt: skip
     others = torque["at_other_currents"], torque["at_other_temperatures"]
     friction = " The friction of the powder is taken as constant with temperature." * ("the law" in others[1])
-    if others[0] == others[1]:
+    if others[0] == others[1] == torque["source"]:
+        if friction:
+            yield note(friction.strip())
+    elif others[0] == others[1]:
         yield note(f"At other currents and temperatures of the powder: {others[0]}.{friction}")
     else:
         yield note(f"At other currents: {others[0]}. At other temperatures of the powder: {others[1]}.{friction}")
@@ -143,14 +148,12 @@ def _remarks(summary: dict[str, Any], permitted: pandas.DataFrame) -> Iterator[S
         supply, needed = summary["supply_voltage"], steady["copper_loss"] / (abs(steady["current"]) or math.inf)
         if supply is not None and needed > supply:
             yield warning(f"{drive} through the warm coil needs {needed:.3g} V, more than coil.voltage = {supply:.3g} "
-                          "V; for the temperatures at this voltage add --set coil.current=none")  # fmt: skip
+                          "V gives. For the temperatures at this voltage add --set coil.current=none")  # fmt: skip
     else:
         yield warning(steady["state"])
         yield note(f"Without slip a steady state exists up to {largest['at_a_mean_of_250_degrees']:.3g} A. Lower "
                    "current or slip power, cool better, or shorten the duty.")  # fmt: skip
-    error = f" Relative error of the heat: {duty['heat_error']:+.1e}." if "heat_error" in duty else ""
-    yield note(f"Duty: {duty['state']} ({duty['steps']} steps).{error} Residual of the energy balance: "
-               f"{abs(duty['energy_error']):.1e}.")  # fmt: skip
+    yield note(f"Duty: {duty['state']} ({duty['steps']} steps).")
     if "ripple" in duty:
         yield note(averaging_in_words(duty))
     elif duty.get("steady"):
@@ -162,8 +165,8 @@ def _remarks(summary: dict[str, Any], permitted: pandas.DataFrame) -> Iterator[S
     yield note(f"Largest current without slip: {largest['at_the_coil_limit']:.3g} A at the coil's limit, "
                f"{largest['at_a_mean_of_250_degrees']:.3g} A with a steady state below {HOTTEST:g} °C.")  # fmt: skip
     error = summary["error_of_the_mesh"]
-    if isinstance(error, dict):
-        yield note(f"Error of the mesh in the steady state: {max(map(abs, error.values())):.2g} K.")
+    if isinstance(error, dict) and (worst := max(map(abs, error.values()))) > NEGLIGIBLE:
+        yield note(f"Error of the mesh in the steady state: {worst:.2g} K.")
 
 
 def _joined(words: Iterable[str]) -> str:

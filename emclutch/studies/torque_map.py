@@ -56,7 +56,7 @@ if TYPE_CHECKING:
 
 TORQUES = ("torque", "low", "high", "unknown_low", "unknown_high")
 """Columns of map.csv in N m: mean, 95 % interval, and 90 % range of unknown powder, of a map over one axis."""
-HEADS = ("torque [N m]", "95 % low", "95 % high", "unknown powder, low", "unknown powder, high")
+HEADS = ("torque [N m]", "95 % low", "95 % high", "90 % low", "90 % high")
 LEFT_OUT = (
     "The interval is that of the law of the powder. Left out: tolerances of the drawing and of materials, friction "
     "that changes with temperature, and hysteresis"

@@ -73,9 +73,10 @@ def misfit_of_curve(law: Law, pinning: Pinning) -> str:
     if H_c == 0.0 or peak <= _FAR * H_c:
         return ""
     return (
-        f"the coercivity H_c = {H_c:.3g} A/m does not match the magnetisation curve: the permeability is largest at "
-        f"{peak / H_c:.2g} H_c (real steels: near {_PEAK:g} H_c). The remanence, {pinning.remanence(law):.2g} T (real "
-        "steels: 0.6 to 1.2 T), and the residual flux without an air gap are too low. Give a measured loop"
+        f"with hysteresis the remanence, {pinning.remanence(law):.2g} T (real steels: 0.6 to 1.2 T), and the residual "
+        f"flux without an air gap are too low. The coercivity H_c = {H_c:.3g} A/m does not match the magnetisation "
+        f"curve: the permeability is largest at {peak / H_c:.2g} H_c (real steels: near {_PEAK:g} H_c). Give a "
+        "measured loop"
     )
 
 

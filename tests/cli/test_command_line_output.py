@@ -107,7 +107,7 @@ def test_a_dry_run_of_accuracy_writes_nothing(tmp_path, monkeypatch):
     assert finer.exit_code == 0 and "grains per gap" in finer.output
     text = " ".join(finer.output.split())
     assert "± 0.1 %: not reached. Runs of grains reach ± " in text and "at best, limited by the " in text
-    assert "Not in any ±: friction" in text and "Fill: 45 % by volume in the rim between the poles" in text
+    assert "No ± contains an error of friction" in text and "Fill: 45 % by volume in the rim between the poles" in text
     assert json.loads(called(*words[:-1], "0.1 %", "--json").output)["budget"] > 1.0
 
 

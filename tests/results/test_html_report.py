@@ -124,7 +124,7 @@ def test_the_best_estimate_comes_first_with_its_total_error(tmp_path, bias, half
     best, *others = result.verdict
     assert best.text == f"Torque on the disc: {format_estimate(result.best)}." and best.mark is Mark.GOOD
     raw = next(one.text for one in others if one.text.startswith(f"Raw torque: {format_estimate(result.torque)}"))
-    assert raw.endswith(f"numerical settings add {100.0 * bias:.2g} %, which is corrected.")
+    assert raw.endswith(f"numerical settings add {100.0 * bias:.2g} %, corrected above.")
     assert any(f"dominant: grains per gap, {100.0 * half:.2g} %" in one.text for one in others)
     assert not any("28 %" in one.text for one in result.verdict)  # the general law is silent
     assert format_estimate(result.best) in write_index(result.report()).read_text(encoding="utf-8")

@@ -92,7 +92,7 @@ def test_the_units_of_a_study_are_those_of_its_quantities(tmp_path):
     [
         ({}, {"torque": KNOWN, "discretisation_error": ERROR, "expected_torque_unknown_powder": RANGE}, {}, Mark.GOOD,
          "Torque on the disc: 1.63 N m ± 9.3 % (95 %).",
-         "If friction and fill of the powder were unknown: 1.1 to 3.9 N m (90 % range, estimate); "
+         "If friction and fill of the powder were unknown: 1.1 to 3.9 N m (90 % range, by the law of the powder); "
          "emclutch powder finds the friction."),
         ({}, {"torque": KNOWN, "slip": 10.0, "current": 0.5}, {}, Mark.GOOD,
          "Torque on the disc: 2 N m ± 4.8 % (95 %), at 0.5 A and 95.49 rpm of slip.", "Friction and fill"),

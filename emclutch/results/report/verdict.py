@@ -115,8 +115,8 @@ def _torque(result: Result) -> Iterator[Statement]:
         return
     if range_ := summary.get("expected_torque_unknown_powder"):
         between = format_range(range_["low"], range_["high"])
-        how = "emclutch powder finds the friction"
-        yield note(f"if friction and fill of the powder were unknown: {between} N m (90 % range, estimate); {how}")
+        how = "(90 % range, by the law of the powder); emclutch powder finds the friction"
+        yield note(f"if friction and fill of the powder were unknown: {between} N m {how}")
     else:
         yield note("friction and fill of the powder are taken as given; their uncertainty is not in the error bar")
     error = summary.get("discretisation_error")
@@ -126,7 +126,7 @@ def _torque(result: Result) -> Iterator[Statement]:
     if best != raw:
         what = "numerical settings" if error else "coarse grains"
         excess = 100.0 * (raw.mean / (best.mean or raw.mean) - 1.0)
-        how = f"{'add' if excess > 0.0 else 'take off'} {abs(excess):.2g} %, which is corrected"
+        how = f"{'add' if excess > 0.0 else 'take off'} {abs(excess):.2g} %, corrected above"
         yield note(f"raw torque: {format_estimate(raw)}, {_replicas(raw)}; {what} {how}")
     else:
         yield note(_averaged(raw))

@@ -130,7 +130,7 @@ class CheapestAnswer:
 
     def in_words(self) -> str:
         """Return what reaches the target, or why nothing does and what may; without target, command and full stop."""
-        reach = self.grains.limit if isinstance(self.grains, LimitingError) else ""
+        reach = ""
         if isinstance(self.grains, Choice):
             half, cost = format_percent(self.grains.half_width), self.grains.cost_in_words(self.cores)
             reach = f"runs of grains reach ± {half} in {cost}"

@@ -21,7 +21,7 @@ MACHINE = ("date", "processor", "cores", "jobs")
 """Entries of a study's machine that stand at the head of the page."""
 SMALLEST_PART = 0.1
 """Of the half width: smaller parts are not named."""
-TAKEN_AS_GIVEN = "friction, rolling friction, fill and contact law are taken as given and change the torque by more"
+TAKEN_AS_GIVEN = "No ± contains an error of friction, rolling friction, fill or contact law, which may be larger."
 ROUGH = 0.1
 """A half width of the best estimate beyond which it is known roughly only, relative."""
 
@@ -122,7 +122,7 @@ def _statements(study: AccuracyStudy) -> Iterator[Statement]:
     own, (torque, half) = own_choice(study), study.best_estimate()
     mark = Mark.WARNING if half > ROUGH or own.total.unknown else Mark.GOOD
     yield Statement(mark, f"Torque on the disc: {torque:.3g} N m ± {format_percent(half)} (95 %), best estimate.")
-    yield note(f"Not in any ±: {TAKEN_AS_GIVEN}.")
+    yield note(TAKEN_AS_GIVEN)
     for reason, names in _grouped((reason, in_words(name)) for name, reason in unknown_of(study).items()).items():
         yield warning(f"not measured, and not in the error bar: {', '.join(names)}; {reason}")
     what, bias = "measured" if own.total.unknown else "numerical", 100.0 * own.total.bias

@@ -261,7 +261,7 @@ def preview(
             CheapestAnswer(target=target, law=law, grains=grains, command=command, cores=jobs, estimate=estimate)
         )
     known = [] if study is None else [note(own_in_words(study, jobs))]
-    without = note(f"Not in any ±: {TAKEN_AS_GIVEN}. Fill: {fill_in_words(base.scene, base.device)}.")
+    without = note(f"{TAKEN_AS_GIVEN} Fill: {fill_in_words(base.scene, base.device)}.")
     yield _lines({"cheapest": [one.as_dict() for one in answers]}, *known, *statements_on(answers), without,
                  *map(warning, law.warnings))
     if any(one.fidelity != "law" for one in answers):  # else no study is needed
@@ -331,8 +331,8 @@ def _cost_in_words(own: float, measured: bool, budget: float, jobs: int) -> tupl
     by, cores = "measured" if measured else "estimate, within a factor of two", "core" if jobs == 1 else "cores"
     return (
         f"A study begins with {BASE_REPLICAS} replicas at the settings of the scene: {cost}, {by}.",
-        f"The budget, {format_duration(budget)} on {jobs} {cores}, is enough for about "
-        f"{jobs * budget / own:.0f} such replicas. Finer values cost more.",
+        f"A budget of {format_duration(budget)} on {jobs} {cores} is enough for about {jobs * budget / own:.0f} such "
+        "replicas. Finer values cost more.",
     )
 
 
