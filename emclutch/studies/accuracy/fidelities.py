@@ -131,6 +131,8 @@ class CheapestAnswer:
     def in_words(self) -> str:
         """Return what reaches the target, or why nothing does and what may; without target, command and full stop."""
         reach = ""
+        if isinstance(self.grains, LimitingError) and self.grains.half_width is None:
+            reach = self.grains.limit
         if isinstance(self.grains, Choice):
             half, cost = format_percent(self.grains.half_width), self.grains.cost_in_words(self.cores)
             reach = f"runs of grains reach ± {half} in {cost}"
