@@ -297,17 +297,17 @@ class HeatSection(EffectSection):
     def omitted_effects(cls, at):
         """Yield the kelvins that slip makes in the powder alone, and those of the housing by slip and copper loss."""
         copper, steady = f"{format_number(at.copper_loss)} W of copper loss", ""
-        if at.housing_rise is not None:
-            relevant = "relevant" if at.housing_rise > MAX_RISE else "not relevant"
-            steady = f". In continuous operation: {relevant}"
+        if at.housing_rise is not None and at.housing_rise > MAX_RISE:
+            part = f"housing would be {format_number(at.housing_rise)} K above the room"
             if at.housing_rise == math.inf:
-                steady += f" (no steady state, the winding would pass {HOTTEST:g} °C); use emclutch heat"
-            else:
-                steady += f" (housing {format_number(at.housing_rise)} K above the room); use emclutch heat"
+                part = f"winding would exceed {HOTTEST:g} °C"
+            steady = f"In continuous operation the {part}. How long it may last: emclutch heat"
         if at.slip_power is None:
-            note = f"{copper}{steady}" if at.copper_loss > 0.0 else ""
-            yield OmittedEffect(cls.name, OFF, "slip power, which follows from no expected torque", note=note)
+            note = copper if at.copper_loss > 0.0 else ""
+            number = "slip power, which follows from no expected torque"
+            yield OmittedEffect(cls.name, OFF, number, note=note, in_operation=steady)
             return
         note = f"at most {format_number(at.slip_power)} W of slip, {format_number(at.heating)} K/s in the powder alone"
-        note += f", and {copper}{steady}" if at.copper_loss > 0.0 else steady
-        yield OmittedEffect(cls.name, OFF, "warming in this run [K]", at.heating * at.end, MAX_RISE, note=note)
+        note += f", and {copper}" if at.copper_loss > 0.0 else ""
+        kelvin = at.heating * at.end
+        yield OmittedEffect(cls.name, OFF, "warming in this run [K]", kelvin, MAX_RISE, note=note, in_operation=steady)

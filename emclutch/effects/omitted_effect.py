@@ -32,6 +32,8 @@ class OmittedEffect:
     change : float or None
         Relative change of the steady torque at the limit, by the order of magnitude; None where that is not estimated,
         as of what changes transients only.
+    in_operation : str
+        Consequence for continuous operation, which a run is too short for; empty where there is none.
     """
 
     effect: str
@@ -42,6 +44,7 @@ class OmittedEffect:
     below: bool = False
     note: str = ""
     change: float | None = AT_LIMIT
+    in_operation: str = ""
 
     @property
     def is_significant(self) -> bool | None:
@@ -89,4 +92,5 @@ class OmittedEffect:
     def as_dict(self) -> dict[str, object]:
         """For JSON."""
         return {"effect": self.effect, "where": self.where, "significant": self.is_significant, "number": self.number,
-                "value": self.value, "limit": self.limit, "on_torque": self.on_torque, "note": self.note}  # fmt: skip
+                "value": self.value, "limit": self.limit, "on_torque": self.on_torque, "note": self.note,
+                "in_operation": self.in_operation}  # fmt: skip

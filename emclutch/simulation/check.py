@@ -14,7 +14,7 @@ from emclutch.device_model.grain_size import grain_size
 from emclutch.effects.omitted_effect import OmittedEffect
 from emclutch.results.quantity import RPM
 from emclutch.results.report.render import Reported
-from emclutch.results.report.report import Mark, Report, Shown, Statement, Statements, Table, warning
+from emclutch.results.report.report import Mark, Report, Shown, Statement, Statements, Table, note, warning
 from emclutch.results.report.run_report import effects_table
 from emclutch.results.report.verdict import omitted_in_words
 from emclutch.scene.case import Case, as_case
@@ -100,6 +100,7 @@ class Checked(Reported):
         doubts += [
             warning(omitted_in_words(one.effect, one.in_words())) for one in self.omitted_effects if one.is_reservation
         ]
+        doubts += [note(one.in_operation) for one in self.omitted_effects if one.in_operation]
         report.add("Warnings", Statements(doubts), Shown.TERMINAL)
         report.add("Plan", Table([*self.decisions.items()]))
         return report.add("Effects, on and off", effects_table(self.effects, self.omitted_effects))
