@@ -185,7 +185,8 @@ def accuracy_in_words(case: Case, plan: Plan) -> str:
         words = answer.in_words() if isinstance(answer, LimitingError) else answer[0].in_words()
         return f"{target}: {words}"
     total = total_at(study, setting_values(case, plan), plan)
-    text = f"a run gives the torque within ± {format_percent(total.half_width)} (95 %), plus the scatter of its replicas"
+    half = format_percent(total.half_width)
+    text = f"a run gives the torque within ± {half} (95 %), plus the scatter of its replicas"
     if total.largest is not None:
         width = format_percent(total.widths[total.largest])
         text += f". Largest remaining error: {in_words(total.largest)}, ± {width}"
