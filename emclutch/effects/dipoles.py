@@ -348,5 +348,6 @@ def _too_strong(field_strength: float, saturation: float) -> Iterator[str]:
         yield (
             f"the mean field in the powder is {field_strength / 1e3:.4g} kA/m, above the limit of "
             f"{strongest / 1e3:.4g} kA/m. There effects.dipoles.model = 'near_field' overestimates the attraction of "
-            "grains with several contacts by 12 %, in stronger fields by more. No interval contains this error"
+            "grains with several contacts by 12 %, in stronger fields by more. The torque may be too large; no "
+            "interval contains this error"
         )

@@ -158,15 +158,19 @@ class LimitingError:
     def in_words(self, cores: int = 1) -> str:
         """Return what limits runs of grains, and what a study that may help takes; without the last full stop."""
         text = self.limit[:1].upper() + self.limit[1:]
-        if self.half_width is None:
-            return text
-        if self.seconds is None:
-            return text if self.setting == STATISTICS else f"{text}, which more replicas do not lower"
+        if self.half_width is not None and self.seconds is None and self.setting != STATISTICS:
+            return f"{text}, which more replicas do not lower"
+        return ". ".join(filter(None, (text, self.help_in_words(cores))))
+
+    def help_in_words(self, cores: int = 1) -> str:
+        """Return what a study that may help takes, without a full stop; empty where none does."""
+        if self.half_width is None or self.seconds is None:
+            return ""
         cost = format_cost(self.seconds, cores)
         if self.finer is None:
-            return f"{text}. A longer study of about {cost} may reach it"
+            return f"A longer study of about {cost} may reach it"
         finer = f"{in_words(self.setting)} {self.finer:.3g}"
-        return f"{text}. A study with {finer} takes at least {cost}, and may not be enough"
+        return f"A study with {finer} takes at least {cost}, and may not be enough"
 
     def budget(self, jobs: int, least: float = 0.0) -> float | None:
         """Return the wall-clock time [s] to give a study that may help, `least` [s] or more; None where none does."""

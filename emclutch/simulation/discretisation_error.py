@@ -186,7 +186,8 @@ def accuracy_in_words(case: Case, plan: Plan) -> str:
         return f"{target}: {words}"
     total = total_at(study, setting_values(case, plan), plan)
     half = format_percent(total.half_width)
-    text = f"a run gives the torque within ± {half} (95 %), plus the scatter of its replicas"
+    text = f"numerical settings leave an error of ± {half} (95 %) in the torque of a run. "
+    text += "The scatter of replicas adds to it"
     if total.largest is not None:
         width = format_percent(total.widths[total.largest])
         text += f". Largest remaining error: {in_words(total.largest)}, ± {width}"

@@ -69,7 +69,7 @@ def _statements(summary: dict[str, Any]) -> Iterator[Statement]:
     at = f"at {last['current']:.4g} A"
     if (B := last.get("gap_flux_density")) is not None:
         sheared = details.get("gap_flux_density_sheared")
-        more = "" if sheared is None else f" ({sheared:.3g} T with the permeability of sheared powder)"
+        more = "" if sheared is None else f", powder spread evenly ({sheared:.3g} T sheared, as in operation)"
         yield Statement(Mark.GOOD, f"Mean flux density in the gap: {B:.3g} T {at}{more}.")
     inductance = last.get("apparent_inductance")
     text = "" if inductance is None else f"; inductance {inductance:.3g} H"

@@ -15,6 +15,8 @@ from emclutch.results.report.report import Mark, Picture, Report, Shown, Stateme
 from emclutch.results.text import format_duration, in_words
 
 PLACES = {"coil_hottest": "coil", "powder_hottest": "powder", "surface": "surface"}
+WEAKER = {"low": "weaker", "high": "stronger"}
+"""Powder whose torque is an end of the 95 % interval: a weaker one needs more current for a slip power."""
 NEGLIGIBLE = 1.0
 """Error of the mesh [K] that is not printed."""
 PERMITTED = {
@@ -43,7 +45,7 @@ def _temperatures(summary: dict[str, Any]) -> Table:
     """Return the temperatures of the steady state and through the duty."""
     steady, duty = summary["steady"], summary["duty"]
     rows = [("steady, on all the time", steady)] if "surface" in steady else []
-    rows += [(f"steady, {end}est torque", row) for end, row in summary["steady_at_the_ends"].items()]
+    rows += [(f"steady, {WEAKER[end]} powder", row) for end, row in summary["steady_at_the_ends"].items()]
     ends = (f"end of the duty, {format_duration(duty['end'])}", "last"), ("maximum over the duty", "largest")
     for words, prefix in ends["ripple" in duty :]:  # the end of an averaged duty is a maximum too
         rows.append((words, {key: duty[f"{prefix}_{key}"] for key in (*PLACES, "surface_part")}))
@@ -148,7 +150,7 @@ def _remarks(summary: dict[str, Any], permitted: pandas.DataFrame) -> Iterator[S
         supply, needed = summary["supply_voltage"], steady["copper_loss"] / (abs(steady["current"]) or math.inf)
         if supply is not None and needed > supply:
             yield warning(f"{drive} through the warm coil needs {needed:.3g} V, more than coil.voltage = {supply:.3g} "
-                          "V gives. For the temperatures at this voltage add --set coil.current=none")  # fmt: skip
+                          "V gives. To compute with this voltage: --set coil.current=none")  # fmt: skip
     else:
         yield warning(steady["state"])
         yield note(f"Without slip a steady state exists up to {largest['at_a_mean_of_250_degrees']:.3g} A. Lower "
@@ -162,8 +164,8 @@ def _remarks(summary: dict[str, Any], permitted: pandas.DataFrame) -> Iterator[S
         yield note("The state of the duty repeated for ever is not found: raise effects.heat.duty.end.")
     if not permitted[["rotor_speed", "disc_speed"]].to_numpy().any():
         yield note("The permitted slip power is that of bodies cooled as at rest: neither turns in [motion].")
-    yield note(f"Largest current without slip: {largest['at_the_coil_limit']:.3g} A at the coil's limit, "
-               f"{largest['at_a_mean_of_250_degrees']:.3g} A with a steady state below {HOTTEST:g} °C.")  # fmt: skip
+    yield note(f"Without slip the coil reaches its limit at {largest['at_the_coil_limit']:.3g} A. A steady state below "
+               f"{HOTTEST:g} °C exists up to {largest['at_a_mean_of_250_degrees']:.3g} A.")  # fmt: skip
     error = summary["error_of_the_mesh"]
     if isinstance(error, dict) and (worst := max(map(abs, error.values()))) > NEGLIGIBLE:
         yield note(f"Error of the mesh in the steady state: {worst:.2g} K.")

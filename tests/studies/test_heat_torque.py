@@ -192,7 +192,7 @@ def test_the_report_says_the_torque_and_its_ends(tmp_path):
     assert np.all(np.isfinite(found.permitted)) and (found.permitted["current"] <= 0.4).all()
     words = " ".join(terminal(found.report()).split())
     assert "Torque at 0.4 A and 20 °C by the law of the powder" in words
-    assert "steady, lowest torque" in words and "The friction of the powder is taken as constant" in words
+    assert "steady, weaker powder" in words and "The friction of the powder is taken as constant" in words
     assert "Steady state at 0.4 A with" in words
     found.summary["torque"]["is_guess"], found.summary["voltage"] = True, 24.0
     words = " ".join(terminal(heat_report(found.folder, found.summary, found.permitted)).split())

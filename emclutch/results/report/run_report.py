@@ -210,8 +210,8 @@ def _torques(result: Result) -> list[tuple[str, str]]:
     table = [("raw torque on the disc", format_torque(torque)), ("replicas", str(torque.replicas))]
     if torque.replicas > 1:
         missed = 100.0 * (1.0 - RARE) ** torque.replicas
-        rare = f"an event, such as a jam, in {100.0 * RARE:g} % of replicas"
-        table.append((rare, f"is in none of these with a probability of {missed:.2g} %"))
+        rare = f"one that occurs in {100.0 * RARE:g} % of replicas is missed here with a probability of {missed:.2g} %"
+        table.append(("rare events, such as a jam", rare))
     if torque.pooled_scatter is not None:
         known = f"{format_percent(torque.pooled_scatter)} with {torque.pooled_freedom:g} degrees of freedom"
         table.append(("scatter between replicas that is pooled with theirs", known))

@@ -485,7 +485,7 @@ class _Sheared:
         share = self._most / torque if torque > 0.0 else 0.0
         parts["centrifugal"] = share / NORMAL
         if share > CENTRIFUGAL:
-            change = f"may change it by {share:.0%}" if share < 1.0 else f"may be {share:.2g} times as large"
+            change = f"may change it by {100.0 * share:.0f} %" if share < 1.0 else f"may be {share:.2g} times as large"
             doubts.append(f"weight and centrifugal force {change}, and the law has neither")
         return _Grains(torque, parts, doubts, EXTRAPOLATION_FACTOR if across < MIN_GRAINS_PER_GAP else GUESS, law, at)
 
@@ -621,7 +621,7 @@ def _outside_of_cells(scene, device: Device) -> Iterator[str]:
         yield f"no {gaps}"
     elif not between_poles(device):
         part = device.pole_zone.volume / device.fill.volume
-        outside = f"only {part:.0%} of the powder lies between steel faces of two bodies"
+        outside = f"only {100.0 * part:.0f} % of the powder lies between steel faces of two bodies"
         whole = 'powder outside of the poles at the start (particles.region = "poles" or "faces" avoids it)'
         yield outside if drawn else whole
     if device.surfaces:

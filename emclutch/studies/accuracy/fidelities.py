@@ -153,9 +153,15 @@ def statements_on(answers: Sequence[CheapestAnswer]) -> list[Statement]:
     for one in answers:
         groups.setdefault(one.in_words(), []).append(one)
     found = []
+    limits: set[str] = set()
     for words, some in groups.items():
-        text = f"± {', '.join(format_percent(one.target) for one in some)}: {words}"
-        last = some[-1]
+        last, text = some[-1], f"± {', '.join(format_percent(one.target) for one in some)}: "
+        limiting = last.grains if isinstance(last.grains, LimitingError) and not last.fidelity else None
+        if limiting is not None and limiting.limit in limits and (help_ := limiting.help_in_words(last.cores)):
+            text += f"not reached, either. {help_}"  # its limit was said
+        else:
+            text += words
+        limits |= {limiting.limit} if limiting is not None else set()
         has_command = last.command and (last.fidelity != "law" or "grains" in last.as_dict())
         text += f". Command: {last.command}" if has_command else "."
         found.append(note(text) if last.fidelity else Statement(Mark.WARNING, text))

@@ -265,7 +265,8 @@ def preview(
     yield _lines({"cheapest": [one.as_dict() for one in answers]}, *known, *statements_on(answers), without,
                  *map(warning, law.warnings))
     if any(one.fidelity != "law" for one in answers):  # else no study is needed
-        yield _costs(base, own, measured, first, max(budgets), jobs, progress)
+        which = "The budget" if budget is not None else "The largest budget of these commands"
+        yield _costs(base, own, measured, first, max(budgets), which, jobs, progress)
 
 
 def _lines(data: dict[str, Any], *statements: Statement) -> Report:
@@ -283,9 +284,13 @@ def _replica_seconds(base: Base, study: AccuracyStudy | None) -> tuple[float, bo
 
 
 def _costs(
-    base: Base, own: float, measured: bool, first: float, budget: float, jobs: int, progress: Callable[[], Any]
-) -> Report:
-    """Return the values that a study within a budget measures, with what a replica of each costs [s]."""
+    base: Base, own: float, measured: bool, first: float, budget: float, which: str, jobs: int,
+    progress: Callable[[], Any],
+) -> Report:  # fmt: skip
+    """Return the values that a study within a budget measures, with what a replica of each costs [s].
+
+    `which` names the budget.
+    """
     asked, settings = values_to_plan(base), settings_of(base.scene)
     by_torque = {one.name for one in settings if one.measured_on == TORQUE}
     replicas = [one for one in asked if one.setting in by_torque]
@@ -315,7 +320,7 @@ def _costs(
         none = "" if dear else ONE_VALUE
         rows.append((in_words(setting.name), own_value, ", ".join(values) or none, how if values or dear else ""))
     statements = [
-        *map(note, _cost_in_words(own, measured, budget, jobs)),
+        *map(note, _cost_in_words(own, measured, which, budget, jobs)),
         *([warning(f"values too expensive for this budget: {', '.join(late)}")] if late else []),
         *([warning(narrow)] if (narrow := narrow_sector(base.scene)) else []),
     ]  # fmt: skip
@@ -325,13 +330,13 @@ def _costs(
     return found.add("Values", Table(rows, head, (1,)), Shown.TERMINAL)
 
 
-def _cost_in_words(own: float, measured: bool, budget: float, jobs: int) -> tuple[str, str]:
-    """Return what the first replicas of a study take, `own` [s] each, and what its budget [s] is enough for."""
+def _cost_in_words(own: float, measured: bool, which: str, budget: float, jobs: int) -> tuple[str, str]:
+    """Return what the first replicas of a study take, `own` [s] each, and what a budget [s] is enough for."""
     cost = format_cost(BASE_REPLICAS * own, min(jobs, BASE_REPLICAS), makespan([own] * BASE_REPLICAS, jobs))
     by, cores = "measured" if measured else "estimate, within a factor of two", "core" if jobs == 1 else "cores"
     return (
         f"A study begins with {BASE_REPLICAS} replicas at the settings of the scene: {cost}, {by}.",
-        f"A budget of {format_duration(budget)} on {jobs} {cores} is enough for about {jobs * budget / own:.0f} such "
+        f"{which}, {format_duration(budget)} on {jobs} {cores}, is enough for about {jobs * budget / own:.0f} such "
         "replicas. Finer values cost more.",
     )
 
@@ -647,7 +652,7 @@ class _StudyRun(BudgetedStudy):
     def _tell_cost(self) -> None:
         earlier = _earlier_study(device_of(self.case))
         cost = _replica_seconds(self.base, None if earlier is None else earlier[0])
-        for words in _cost_in_words(*cost, self.known["budget"], self.known["jobs"]):
+        for words in _cost_in_words(*cost, "The budget", self.known["budget"], self.known["jobs"]):
             self.log(words)
         if narrow := narrow_sector(self.base.scene):
             self.log(f"Warning: {narrow}")
