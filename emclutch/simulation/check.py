@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,7 +40,6 @@ if TYPE_CHECKING:
     from emclutch.simulation.forecast.expected_torque import ExpectedTorque
 
 
-DETAILS = "All settings chosen by the program: emclutch check CASE --details"
 FIRST = {
     "expected torque": "torque",
     "drag": "drag",
@@ -70,6 +70,8 @@ class Checked(Reported):
         Effects that the scene does not have, each with the criterion of its significance.
     expected : ExpectedTorque
         Expected torque [N m] with its 95 % interval.
+    source : str
+        The scene in the commands that are shown.
     """
 
     title: str
@@ -78,6 +80,7 @@ class Checked(Reported):
     decisions: dict[str, str]
     omitted_effects: tuple[OmittedEffect, ...]
     expected: ExpectedTorque
+    source: str = "CASE"
 
     def __repr__(self) -> str:
         torque = self.expected.real
@@ -85,7 +88,8 @@ class Checked(Reported):
 
     def report(self) -> Report:
         """Return torque, fill, cost, field, accuracy and grain size, a line each, and warnings; then all decisions."""
-        report = Report(self.title, data=self._data(), closing=DETAILS)
+        closing = f"All settings chosen by the program: emclutch check {self.source} --details"
+        report = Report(self.title, data=self._data(), closing=closing)
         report.add("Result", Statements([Statement(Mark.GOOD, f"{self.title}: the scene is valid.")]), Shown.TERMINAL)
         point = self.decisions.get("operating point", "")
         first = [
@@ -138,10 +142,10 @@ def _check(case: Case, threads: int | None) -> Checked:
     from emclutch.simulation.forecast.expected_torque import ExpectedTorque, expected_torque
     from emclutch.simulation.forecast.regime import omitted_effects
 
-    scene = case.scene
+    scene, source = case.scene, shlex.quote(str(case.path or "CASE"))
     if scene.particles is None:
         none = ExpectedTorque(None, "the scene has no grains")
-        return Checked(scene.scene.title, scene.effects.active, case.warnings, field_plan(case), (), none)
+        return Checked(scene.scene.title, scene.effects.active, case.warnings, field_plan(case), (), none, source)
     device, made = make_plan(case, threads=threads)
     words, B_max = plan_in_words(device, made), 0.0
     coil, even, phi = device.section_coil, made.peak_section, device.fill.solid_fraction
@@ -193,7 +197,7 @@ def _check(case: Case, threads: int | None) -> Checked:
     words |= paths_in_words(case)
     warnings = case.warnings + limits_of(scene, device, made.peak_field)
     title, effects, missing = scene.scene.title, scene.effects.active, omitted_effects(scene, device, made, expected)
-    return Checked(title, effects, warnings, words, tuple(missing), expected)
+    return Checked(title, effects, warnings, words, tuple(missing), expected, source)
 
 
 def methods_compared(scene: Scene) -> str:

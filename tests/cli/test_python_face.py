@@ -97,6 +97,8 @@ def test_check_and_plan_tell_the_same_run():
     assert repr(checked).startswith(f"<Checked: {checked.title}: expected torque 0.") and " N m" in repr(checked)
     assert repr(plan).startswith(f"<Plan: {plan.count} grains, {plan.windows} windows to 7.99 ms, time step ")
     assert str(checked.report()) == terminal(checked.report())  # as print shows it
+    assert checked.report().closing.endswith(f"emclutch check {QUICKSTART} --details")
+    assert any(one.text.startswith("In continuous operation the winding") for one in checked.report().statements())
     page = unescape(checked._repr_html_())  # a notebook shows what a terminal prints
     assert all(one.text in page for one in checked.report().statements())
 
