@@ -109,7 +109,7 @@ def test_the_pages_have_the_tables_of_the_data_and_the_readme_the_number():
     for page, blocks in ((PAGE, (tables(),)), (BRAKE_PAGE, brake_tables())):
         said = page.read_text(encoding="utf-8")
         assert page_with(said, *blocks) == said
-    row, readme = law().loc[RATED], (ROOT / "README.md").read_text(encoding="utf-8")
+    row, readme = law().loc[RATED], " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
     half = 100.0 * (row.high / row.torque - 1.0)
     assert f"One number: {row.torque:.1f} N m ± {half:.0f} % (95 %)" in readme and f"{RATED:g} A" in readme
     assert f"{row.unknown_low:.1f} to {row.unknown_high:.1f} N m (90 % range)" in readme
