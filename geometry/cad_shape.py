@@ -47,7 +47,7 @@ class FacingPart:
 
     @property
     def width(self) -> float:
-        """Of the gap [m]."""
+        """Distance of the two faces [m]."""
         return self.box.r1 - self.box.r0 if self.radial else self.box.z1 - self.box.z0
 
     @property
@@ -316,7 +316,7 @@ def _same(a: float, b: float) -> bool:
 
 def _distinct(values: Sequence[float]) -> list[float]:
     ordered = np.sort(values)
-    return [float(x) for x in ordered[np.append(True, np.diff(ordered) > _CLOSE)]]
+    return [float(x) for x in ordered[np.diff(ordered, prepend=-np.inf) > _CLOSE]]
 
 
 def _nearest(values: Sequence[float], x: float) -> float:

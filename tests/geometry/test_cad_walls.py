@@ -110,3 +110,14 @@ def test_a_gap_is_sheared_where_its_faces_are_of_two_bodies(tmp_path):
     assert not CadShape(section, bodies={"disc": "rotor"}).sheared_parts()
     between = CadShape(section, bodies={"disc": "housing", "ring": "disc"})  # the torque is measured on the disc
     assert parts(between.sheared_parts()) == {(24, 26, 0, 8, ("disc", "ring"))}
+
+
+def test_a_channel_between_two_chambers_has_no_faces_across(tmp_path):
+    """Powder on both its sides along r: the thin slab is no gap."""
+    powder = np.array([(10, -5), (14, -5), (14, -2), (14.5, -2), (14.5, -5), (18, -5),
+                       (18, 5), (14.5, 5), (14.5, 2), (14, 2), (14, 5), (10, 5)]) * 1e-3  # fmt: skip
+    shapes = {"powder": [powder], "disc": [rectangle(0.005, 0.01, -0.005, 0.005)],
+              "rotor": [rectangle(0.018, 0.022, -0.005, 0.005)]}  # fmt: skip
+    shape = CadShape(cad_section(write_polygons(tmp_path / "a.step", shapes)), magnetic=frozenset({"disc", "rotor"}))
+    assert (0.014, 0.0145) in {(box.r0, box.r1) for box in shape.fill_boxes().values()}
+    assert shape.sheared_parts() == [] and shape.gap_parts([]) == []
